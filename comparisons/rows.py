@@ -87,8 +87,8 @@ SEEN = r"(?!together)"
 RANKINGS = (
     Ranking("forest", "Forests", "forest"),
     Ranking("discs", "Moving discs", "discs"),
-    Ranking("encounters", "Parked, one disc", "encounters", "parked"),
-    Ranking("encounters", "Parked, 2 to 5 discs", "encounters", "several"),
+    Ranking("encounters", "Encounters, one disc", "encounters", "parked"),
+    Ranking("encounters", "Encounters, 2 to 5 discs", "encounters", "several"),
     Ranking("barn", "BARN, 0.5 m/s", "barn", "0.5 m/s: known"),
     Ranking("barn", "BARN, 2 m/s", "barn", "2 m/s: known"),
     Ranking("barn", "BARN, 0.5 m/s, LiDAR", "barn", "0.5 m/s: LiDAR"),

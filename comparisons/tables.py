@@ -358,7 +358,7 @@ def plot(axes: Axes, found: Compared, place: int) -> None:
 
 
 def filled(text: str, tables: Mapping[str, Callable[[], str]]) -> str:
-    """Return a page with its tables written anew."""
+    """Return a page with its tables replaced."""
 
     def table(found: re.Match[str]) -> str:
         head, name, end = found.groups()

@@ -1,9 +1,10 @@
-"""Sphinx's settings: furo, MyST, and pages that are made of the declarations.
+"""Sphinx settings: furo, MyST, and pages generated from the declarations.
 
 python -m sphinx -W -b html docs out/docs
 """
 
 import os
+import re
 import shutil
 import sys
 import tempfile
@@ -41,6 +42,7 @@ html_title = "qpavoid"
 html_copy_source = False
 html_show_sphinx = False
 myst_heading_anchors = 3
+autodoc_mock_imports = ["gymnasium", "pettingzoo"]  # of the extra gym
 nb_execution_mode = "force"
 nb_execution_in_temp = True
 nb_execution_raise_on_error = True
@@ -53,13 +55,36 @@ napoleon_use_ivar = True
 suppress_warnings = ["myst.xref_missing", "myst.header"]
 
 
-def own_pages(app, name, source):
-    """Lead to a page of the site where one is made of a file outside of docs/."""
-    for file, page in (
-        ("comparisons/README.md", "all-comparisons.md"),
-        ("comparisons/paper/README.md", "paper-statements.md"),
-    ):
-        source[0] = source[0].replace(f"](../{file}", f"]({page}")
+PAGES = {
+    HERE.parent / "comparisons/README.md": "all-comparisons.md",
+    HERE.parent / "comparisons/paper/README.md": "paper-statements.md",
+}
+LINK = re.compile(r"(?<!!)\[([^]]+)\]\(([^():#\s]+)(#[^)\s]*)?\)")
+
+
+def on_site(text, folder):
+    """Return Markdown of a folder with links to pages of the site; others are text."""
+
+    def link(found):
+        words, target, anchor = found.groups()
+        path = Path(os.path.normpath(folder / target))
+        if path in PAGES:
+            return f"[{words}]({PAGES[path]}{anchor or ''})"
+        if HERE not in path.parents:
+            return words
+        return f"[{words}]({os.path.relpath(path, HERE)}{anchor or ''})"
+
+    return LINK.sub(link, text)
+
+
+def on_read(app, name, source):
+    """Adapt the links of a page, all of which are in this folder or are generated."""
+    source[0] = on_site(source[0], HERE)
+
+
+def on_include(app, path, page, source):
+    """Adapt the links of an included file, as of the comparisons."""
+    source[0] = on_site(source[0], (HERE / path).parent)
 
 
 def plain_bars(app, what, name, obj, options, lines):
@@ -71,5 +96,6 @@ def setup(app):
     """Write the generated pages, prepare the tutorials, then let Sphinx read."""
     prepare_tutorials()
     write_pages(HERE / "generated")
-    app.connect("source-read", own_pages)
+    app.connect("source-read", on_read)
+    app.connect("include-read", on_include)
     app.connect("autodoc-process-docstring", plain_bars, priority=900)

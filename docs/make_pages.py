@@ -1,4 +1,4 @@
-"""Pages that are made: of declarations every key and command, and the live page.
+"""Generated pages: every key and command from the declarations, and the live page.
 
 python docs/make_pages.py FOLDER
 """
@@ -21,25 +21,29 @@ FILES = {"scenario": ("Scenarios", ScenarioModel), "study": ("Studies", StudyMod
 
 
 def keys_page():
-    """Return the reference of all keys of all files as Markdown."""
+    """Return the reference of all keys as Markdown."""
     text = (
-        "# Every key\n\nMade of the declarations. The unit ends the key. An unknown "
-        "key is an error that lists those of its table; `qpavoid schema` prints a "
+        "# Every key\n\nThis page lists every key of scenario and study files. It is "
+        "for those who write such files. The unit is the end of the key. An unknown "
+        "key is an error that lists those of its table. `qpavoid schema` prints a "
         "JSON Schema for editors.\n"
     )
     for file, (title, model) in FILES.items():
         text += f"\n## {title}\n"
         for table in key_tables(model):
             text += f"\n### {file}: `{table.head or 'top of the file'}`\n\n"
-            text += f"{told(table.what)}\n\n"
-            rows = [[*map(cell, key[:4]), told(key.effect)] for key in table.keys]
+            text += f"{prose(table.what)}\n\n"
+            rows = [[*map(cell, key[:4]), prose(key.effect)] for key in table.keys]
             text += markdown_table(HEADS, rows)
     return text
 
 
 def commands_page():
     """Return the reference of all commands as Markdown."""
-    text = "# Every command\n\nAs `qpavoid COMMAND --help` prints them.\n"
+    text = (
+        "# Every command\n\nThis page lists every command with its options. It is for "
+        "users of the command line; `qpavoid COMMAND --help` prints the same.\n"
+    )
     for name, (command, *options) in COMMANDS.items():
         text += f"\n## {name}\n\n{command.__doc__}\n\n"
         rows = [option_row(flags, how) for flags, how in options]
@@ -48,21 +52,21 @@ def commands_page():
 
 
 def option_row(flags, how):
-    """Return an option and what it does."""
+    """Return the two cells of an option."""
     head = how["metavar"] if not flags[0].startswith("-") else ", ".join(flags)
     if flags[0].startswith("-") and "metavar" in how:
         head += f" {how['metavar']}"
-    said = how["help"] % {"default": how.get("default", "")}
-    return cell(head), told(said)
+    text = how["help"] % {"default": how.get("default", "")}
+    return cell(head), prose(text)
 
 
 def cell(text):
-    """Return code in a cell of a table; nothing stays nothing."""
+    """Return code in a cell of a table; an empty text stays empty."""
     return f"`{text.replace('|', '¦')}`" if text else ""
 
 
-def told(text):
-    """Return prose in a cell of a table."""
+def prose(text):
+    """Return prose in a cell of a table, escaped."""
     marks = {"|": "\\|", "*": "\\*", "_": "\\_", "<": "&lt;", "[": "\\[", "…": "…"}
     parts = text.split("`")
     for i in range(0, len(parts), 2):
@@ -76,14 +80,14 @@ LIVE = """```{raw} html
 <iframe src="play.html#embed-paused" title="Live: robots among obstacles that you drag"
 style="width: 100%; height: min(1150px, 88vh); border: 1px solid #8884;
 border-radius: 6px" loading="lazy"></iframe>
-<p><a href="play.html">The same on a page of its own</a>, with settings and recordings:
-what <code>qpavoid play</code> writes.</p>
+<p><a href="play.html">The same on its own page</a>, with settings and recordings, as
+<code>qpavoid play</code> writes it.</p>
 ```
 """
 
 
 def live_page(extra):
-    """Write the live page beside all others; return what the front page shows of it."""
+    """Write the live page; return the part of the front page that embeds it."""
     extra.mkdir(parents=True, exist_ok=True)
     try:
         made = program()
@@ -96,7 +100,7 @@ def live_page(extra):
 
 
 def write_pages(folder):
-    """Write all pages that are made."""
+    """Write all generated pages."""
     folder.mkdir(parents=True, exist_ok=True)
     live = live_page(folder / "extra")
     (folder / "live.md").write_text(live, encoding="utf-8")

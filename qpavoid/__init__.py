@@ -6,7 +6,7 @@
     safety = qp.SafetyFilter(robot)
     decision = safety.filter(v=0.6, omega=0.0, points=[(0.9, 0.1)])
 
-Names are loaded when they are first used, so that ``import qpavoid`` costs nothing.
+Names are imported when first used, so that ``import qpavoid`` itself is fast.
 """
 
 from importlib import import_module

@@ -1,8 +1,8 @@
-"""What has been compiled, kept on disk: a file each, believed only if it is whole.
+"""Disk cache of compiled code: one file per signature, with a checksum.
 
-A file that is cut, changed or of other sources counts as absent, and so does all that
-somebody else could have written: what is read is run. Each says so on standard error,
-once, and is compiled anew.
+A file that is truncated, changed or of other sources counts as absent, and so does one
+that another user could have written, since its content is executed. Each such case is
+reported once on standard error, and the code is compiled again.
 """
 
 import hashlib
@@ -18,18 +18,18 @@ from uuid import uuid4
 
 ENDING = "code"
 
-OTHERS, GROUP = 0o002, 0o020
-"""Who may write, of a file's mode."""
+OTHERS, GROUP_BIT = 0o002, 0o020
+"""Bits of a file's mode: writable by others, writable by the group."""
 
 
 class CacheFolder:
-    """The compiled code of one function, a file for each kind of its arguments.
+    """The compiled code of one function, one file per tuple of argument types.
 
     Args:
-        folder: Where they lie.
+        folder: Folder of the files.
         name: Of the function, with the version of Python.
-        about: All that the code rests on beside the arguments: sources and versions.
-        dumps: Pickles it.
+        about: All else that the code depends on: sources and versions.
+        dumps: Pickles the code.
     """
 
     def __init__(
@@ -39,13 +39,13 @@ class CacheFolder:
         self._present = f"{name}.{digest(about.encode())[:16]}."
 
     def path(self, key: Any) -> Path:
-        """Return the file of some kinds of arguments."""
+        """Return the file for a tuple of argument types."""
         return (
             self.folder / f"{self._present}{digest(repr(key).encode())[:16]}.{ENDING}"
         )
 
     def load(self, key: Any) -> Any:
-        """Return what was saved; None: nothing, or nothing to be trusted."""
+        """Return saved code; None if there is none, or it cannot be trusted."""
         path = self.path(key)
         try:
             with path.open("rb") as file:
@@ -55,7 +55,7 @@ class CacheFolder:
         except OSError:
             return None
         if not private:
-            say(f"others can write to the cache {self.folder}, which is not read")
+            say(f"the cache {self.folder} is writable by others and not used")
             return None
         mark, body = whole[:64], whole[64:]
         if mark.decode("ascii", "replace") == digest(body):
@@ -63,15 +63,15 @@ class CacheFolder:
                 saved, data = pickle.loads(body)
                 if saved == key:
                     return data
-        say(f"damaged, and compiled anew: {path}")
+        say(f"damaged cache file, compiling again: {path}")
         with suppress(OSError):
             path.unlink()
         return None
 
     def save(self, key: Any, data: Any) -> None:
-        """Keep compiled code where only the user can write; old code goes.
+        """Save compiled code if only the user can write there; delete older code.
 
-        On a full disk it is not kept, and that is said.
+        A failure, such as a full disk, is reported on standard error.
         """
         if not is_private(self.folder.stat()):
             return
@@ -83,12 +83,12 @@ class CacheFolder:
             part.replace(path)
             self._forget(stale=True)
         except OSError as error:
-            say(f"compiled code cannot be kept, and each start compiles: {error}")
+            say(f"compiled code cannot be saved; each start compiles: {error}")
             with suppress(OSError):
                 part.unlink()
 
     def flush(self) -> None:
-        """Forget all."""
+        """Delete all cached code of the function."""
         with suppress(OSError):
             self._forget(stale=False)
 
@@ -99,7 +99,7 @@ class CacheFolder:
                 path.unlink(missing_ok=True)
 
     def has_code(self) -> bool:
-        """Return whether there is some that may be read."""
+        """Return whether there is cached code that may be read."""
         with suppress(OSError):
             if is_private(self.folder.stat()):
                 names = os.listdir(self.folder)
@@ -108,22 +108,22 @@ class CacheFolder:
 
 
 def is_private(status: os.stat_result) -> bool:
-    """Return whether nobody else, but the superuser, can have written.
+    """Return whether only the user or the superuser can have written a file.
 
-    The group may where it is that of the user alone, of the same number.
+    The user's own group, of the same number as the user, may have write access too.
     """
     if os.name != "posix":
         return True
-    others = OTHERS if status.st_gid == status.st_uid else OTHERS | GROUP
+    others = OTHERS if status.st_gid == status.st_uid else OTHERS | GROUP_BIT
     return status.st_uid in (0, os.geteuid()) and not status.st_mode & others
 
 
 def digest(data: bytes) -> str:
-    """Return the hash of something."""
+    """Return the SHA-256 of data, hexadecimal."""
     return hashlib.sha256(data).hexdigest()
 
 
 @cache
 def say(text: str) -> None:
-    """Say something once."""
+    """Print a message on standard error, once."""
     print(f"qpavoid: {text}", file=sys.stderr, flush=True)

@@ -1,16 +1,15 @@
-"""How qpavoid compiles: the only module that knows numba.
+"""Compilation: the only module that imports numba.
 
-A function under :func:`compiled` is an ordinary function of its module. Where it is an
-:func:`entry`, and the package was built with a compiler of C, Python calls the machine
-code that came with the package: :mod:`qpavoid.export.extension`. It counts only for the
-very sources that it was made from. All else, and what compiled functions of others
-call, numba turns into machine code at the first call and keeps in a cache on disk, so
-that only the first start ever pays for it, and says so on standard error.
+A function under :func:`compiled` is an ordinary function of its module. If it is an
+:func:`entry`, and the package was built with a C compiler, Python calls the machine
+code that came with the package (:mod:`qpavoid.export.extension`), provided that it was
+made from the present sources. All other functions are compiled by numba at their first
+call and cached on disk, so that only the first start is slow; it says so on standard
+error.
 
-numba's own cache looks at the file of the function alone. A compiled function carries
-the code of the functions that it calls, so here the cache is valid only for the very
-sources of its module and of all that this imports, directly or not: an upgrade can
-never leave old mathematics behind, and a change of a page recompiles nothing.
+numba's own cache checks the file of the function alone. A compiled function contains
+the code of the functions that it calls, so here the cache is valid only for the present
+sources of its module and of all modules that this imports, directly or not.
 """
 
 import inspect
@@ -35,35 +34,35 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function of scalars and arrays to machine code at its first call.
 
     No fast-math: NaN, signs, errors and the order of operations are those of Python.
-    Other threads run meanwhile, so that a batch takes as many cores as it has threads.
-    Where no cache directory can be written every process compiles for itself.
+    The GIL is released, so that a batch uses as many cores as it has threads. Where no
+    cache directory can be written every process compiles for itself.
 
-    It only borrows the arrays that it is given and counts no references to them; one
-    that would allocate is refused by the compiler. Compiled callers hold it in place
-    of the call: handing on a dozen arrays costs as much as most of these formulas.
+    Arrays are borrowed without counting references; a function that allocates is
+    refused by the compiler. Calls from compiled functions are inlined, since passing a
+    dozen arrays costs as much as most of these formulas.
     """
     return _compile(function, _nrt=False, forceinline=True)
 
 
 def compiled_once(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile as :func:`compiled` does what is long and called from several places."""
+    """Compile as :func:`compiled`, not inlined: for long functions called often."""
     return _compile(function, _nrt=False)
 
 
 def allocating(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile as :func:`compiled_once` does a function that makes or returns arrays."""
+    """Compile as :func:`compiled_once` a function that makes or returns arrays."""
     return _compile(function, _nrt=True)  # else it inherits its caller's choice
 
 
 class Compiled:
     """A function that runs as machine code; compiled functions call it directly.
 
-    What it does not have itself, such as ``signatures``, numba's dispatcher has.
+    Other attributes, such as ``signatures``, are those of numba's dispatcher.
 
     Attributes:
-        py_func: The function itself.
+        py_func: The Python function.
         is_entry: Whether it is an :func:`entry`.
-        asks: Name of the entry that is asked before: :func:`entry_if`; empty: none is.
+        asks: Name of the entry that checks arguments (:func:`entry_if`), or empty.
     """
 
     def __init__(self, function: Callable[..., Any], **options: bool) -> None:
@@ -72,7 +71,7 @@ class Compiled:
         self.asks = ""
 
     def __call__(self, *given: Any, **named: Any) -> Any:
-        """Call it."""
+        """Call the machine code."""
         if named:
             bound = inspect.signature(self.py_func).bind(*given, **named)
             bound.apply_defaults()
@@ -89,37 +88,37 @@ class Compiled:
 
     @cached_property
     def call(self) -> Callable[..., Any]:
-        """What Python calls: machine code that came with the package, or numba's."""
+        """Callable for Python: the package's machine code, or numba's dispatcher."""
         made = native_code(self.py_func) if self.is_entry else None
         return with_defaults(made, self.py_func) if made else self.dispatcher
 
     @cached_property
     def dispatcher(self) -> Any:
-        """What numba makes of the function."""
+        """Dispatcher that numba makes of the function."""
         return _dispatcher(self.py_func, **self._options)
 
     @cached_property
     def inner(self) -> Any:
-        """The same for compiled callers alone: their code has it, and Python no way."""
+        """Dispatcher for compiled callers only: uncached, without a Python wrapper."""
         return _dispatcher(self.py_func, kept=False, **UNWRAPPED, **self._options)
 
     def compile_alone(self, *given: Any) -> None:
-        """Let numba compile it in this process for such arguments, before its callers.
+        """Compile with numba in this process for such arguments, before its callers.
 
-        Code from the cache is no help to a caller: what is inlined is compiled with it.
+        Cached code does not help a caller: what is inlined is compiled with it.
         """
         self.inner.compile(tuple(map(import_module("numba").typeof, given)))
 
     @property
     def _numba_type_(self) -> Any:
-        """What numba takes it for in the compiled functions that call it."""
+        """Type of the function in compiled functions that call it."""
         return import_module("numba").types.Dispatcher(self.inner)
 
 
 def with_defaults(
     made: Callable[..., Any], function: Callable[..., Any]
 ) -> Callable[..., Any]:
-    """Return machine code, which wants all arguments, with a function's defaults."""
+    """Return machine code, which takes all arguments, with a function's defaults."""
     defaults = function.__defaults__
     if not defaults:
         return made
@@ -133,7 +132,7 @@ def with_defaults(
 
 
 def native_code(function: Callable[..., Any]) -> Callable[..., Any] | None:
-    """Return the machine code of a function, if it was made from its very sources."""
+    """Return the machine code of a function if it was made from the present sources."""
     native = _native()
     if native is None:
         return None
@@ -146,7 +145,7 @@ def native_code(function: Callable[..., Any]) -> Callable[..., Any] | None:
 
 
 def lacking() -> list[str]:
-    """Return the modules with entries that machine code is not there for, or is old."""
+    """Return the modules with entries whose machine code is missing or out of date."""
     native = _native()
     told = "" if native is None else native.STAMPS
     stamps = dict(line.split() for line in told.splitlines())
@@ -160,15 +159,15 @@ def lacking() -> list[str]:
 
 
 def is_native() -> bool:
-    """Return whether machine code came with the package, and is wanted."""
+    """Return whether the package's machine code exists and is enabled."""
     return _native() is not None
 
 
 def bound(function: Callable[..., Any], *told: Any) -> Callable[..., Any] | None:
-    """Return the call of an entry of which most is known; None without machine code.
+    """Return the call of an entry with most arguments fixed; None without machine code.
 
-    ``told``: all arguments; what comes with a call; of what the answer is made. See
-    ``bind`` in ``qpavoid/export/templates/extension.c``.
+    ``told``: all arguments; those that vary per call; parts of the result. See ``bind``
+    in ``qpavoid/export/templates/extension.c``.
     """
     native, name = _native(), function.__name__
     called, bind = getattr(native, name, None), getattr(native, "bind", None)
@@ -180,7 +179,7 @@ def bound(function: Callable[..., Any], *told: Any) -> Callable[..., Any] | None
 
 @cache
 def _native() -> Any:
-    """Return the extension module; None: there is none, or it is not wanted."""
+    """Return the extension module; None if it is missing or disabled."""
     if os.environ.get("QPAVOID_NATIVE") == "0":
         return None
     try:
@@ -194,8 +193,8 @@ def _compile(function: Callable[P, R], **options: bool) -> Callable[P, R]:
 
 
 STANDS_IN = (
-    ". It stands in for machine code that the package lacks, as where it was built "
-    "without a compiler of C; qpavoid doctor says more"
+    ". It replaces machine code that the package lacks, for example because it was "
+    "built without a C compiler; see qpavoid doctor"
 )
 
 UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
@@ -217,7 +216,7 @@ def _dispatcher(
         if kept:
             dispatcher._cache = _Cache(dispatcher._cache, stamp)
     except (AttributeError, RuntimeError) as why:  # numba: "no locator available"
-        say(f"compiled code is not kept, and each start compiles: {why}")
+        say(f"compiled code is not cached; each start compiles: {why}")
         dispatcher = numba.njit(nogil=True, **options)(function)
     with suppress(AttributeError, ImportError):
         _for_all_values(dispatcher)
@@ -225,14 +224,14 @@ def _dispatcher(
 
 
 ENTRIES: dict[str, Callable[..., Any]] = {}
-"""The functions of the modules loaded that are called from outside, by name."""
+"""Functions of the loaded modules that are called from outside, by name."""
 
 
 def entry(function: Callable[P, R]) -> Callable[P, R]:
-    """Say of a compiled function that it is called from outside: from Python, C, wasm.
+    """Mark a compiled function as called from outside: from Python, C or WebAssembly.
 
-    Its annotations then say all that machine code has to know of its arguments:
-    numbers, the arrays and records of :mod:`qpavoid.types`, and tuples of them.
+    Its annotations then declare all argument types for machine code: numbers, the
+    arrays and records of :mod:`qpavoid.types`, and tuples of them.
     """
     if ENTRIES.setdefault(function.__name__, function) is not function:
         raise ValueError(f"two entries of the name {function.__name__}")
@@ -241,10 +240,10 @@ def entry(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def entry_if(check: Callable[..., bool]) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Say so of one that machine code calls only where a check of its arguments holds.
+    """Mark an entry whose machine code runs only if a check of its arguments holds.
 
-    The check is an entry itself, of the first of the arguments: whether they fit
-    together, so that nothing is read or written beyond an array.
+    The check is itself an entry and takes the first arguments; it tests whether their
+    sizes fit together, so that nothing is read or written beyond an array.
     """
 
     def asking(function: Callable[P, R]) -> Callable[P, R]:
@@ -255,7 +254,7 @@ def entry_if(check: Callable[..., bool]) -> Callable[[Callable[P, R]], Callable[
 
 
 def is_cached(function: Callable[..., Any]) -> bool:
-    """Return whether the next start finds the machine code of a function on disk."""
+    """Return whether a function's machine code is on disk for the next start."""
     with suppress(MissingExtraError):
         return _is_cached(function)
     return False
@@ -266,8 +265,8 @@ def _is_cached(function: Callable[..., Any]) -> bool:
     return isinstance(kept, _Cache) and kept.folder.has_code()
 
 
-# What follows leans on private parts of numba, one each. Where a version lacks one,
-# compiling is slower or each start compiles anew, and tests/test_compiled.py names it.
+# Each of the following uses a private part of numba. Where a version lacks one,
+# compiling is slower or uncached, and tests/test_compiled.py fails.
 
 
 @cache
@@ -278,7 +277,7 @@ def _is_option(name: str) -> bool:
 
 
 class _Cache:
-    """numba's cache of a function, with files of our own: :mod:`qpavoid.cache`."""
+    """numba's cache of a function with the files of :mod:`qpavoid.cache`."""
 
     def __init__(self, cache: Any, stamp: str) -> None:
         self._cache, name = cache, cache._impl.filename_base
@@ -295,19 +294,19 @@ class _Cache:
         try:
             return self._cache.load_overload(sig, context)
         except Exception as error:  # of numba and LLVM: any
-            say(f"cached code cannot be used, and is compiled anew: {error}")
+            say(f"cached code cannot be used, compiling again: {error}")
             return None
 
     def save_overload(self, sig: Any, code: Any) -> None:
         try:
             self._cache.save_overload(sig, code)
         except OSError as error:
-            say(f"compiled code cannot be kept, and each start compiles: {error}")
+            say(f"compiled code cannot be saved; each start compiles: {error}")
 
 
 @cache
 def versions() -> str:
-    """Return the versions of what compiles."""
+    """Return the versions of the compilers."""
     numba, llvmlite = import_module("numba"), import_module("llvmlite")
     return f"numba {numba.__version__} llvmlite {llvmlite.__version__}"
 
@@ -318,10 +317,10 @@ def _dumps(data: Any) -> bytes:
 
 
 def _for_all_values(dispatcher: Any) -> None:
-    """Let compiled callers that hand over constants share one machine code.
+    """Share one machine code among compiled callers that pass constants.
 
-    numba compiles a function anew for every constant that a call names: half of the
-    time of a first start or nearly, and no faster where it was measured.
+    By default numba specialises a function for every constant argument, which takes
+    about half of the time of a first start and measured no faster.
     """
     from numba.core.types import unliteral
 
@@ -333,7 +332,7 @@ def _for_all_values(dispatcher: Any) -> None:
 
 @cache
 def _announce_compiling() -> None:
-    """Say once, when the first function is really compiled, what is going on."""
+    """Announce the first real compilation, once."""
     with suppress(AttributeError, ImportError):
         _register_announcer()
 

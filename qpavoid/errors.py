@@ -1,11 +1,11 @@
-"""The errors that qpavoid raises, each with the data that a caller may want."""
+"""Exceptions that qpavoid raises."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
 
 
 class QPAvoidError(Exception):
-    """Base of every error that qpavoid raises on purpose."""
+    """Base of all errors that qpavoid raises on purpose."""
 
 
 class InvalidInputError(QPAvoidError, ValueError):
@@ -13,7 +13,7 @@ class InvalidInputError(QPAvoidError, ValueError):
 
 
 class ThreadError(QPAvoidError, RuntimeError):
-    """A filter of one thread is used by another."""
+    """A filter was called from another thread than the one that first used it."""
 
 
 class ConfigError(QPAvoidError, ValueError):
@@ -36,8 +36,8 @@ class UnknownNameError(QPAvoidError, LookupError):
     """A name that is not in a registry.
 
     Attributes:
-        name: What was asked for.
-        known: What there is.
+        name: The unknown name.
+        known: All known names.
     """
 
     def __init__(self, kind: str, name: str, known: Iterable[str]):
@@ -50,11 +50,11 @@ class UnknownNameError(QPAvoidError, LookupError):
 
 
 class MissingExtraError(QPAvoidError, ImportError):
-    """A back end whose package is not installed.
+    """A required package is not installed.
 
     Attributes:
         extra: The extra that installs it, as in ``pip install qpavoid[extra]``; empty
-            for what every installation should have.
+            for dependencies of every installation.
     """
 
     def __init__(self, what: str, extra: str, otherwise: str = ""):
@@ -72,8 +72,8 @@ def pip_install(extra: str) -> str:
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return ``"; did you mean 'x'?"`` for the nearest known name, else ``"."``.
 
-    A name that only lacks its ending, such as a unit, counts as nearest. Of a name such
-    as ``astar+eq5`` each part is looked for.
+    A name that only lacks its ending, such as a unit, counts as nearest. The parts of a
+    name such as ``astar+eq5`` are compared one by one.
     """
     known = list(known)
     near = [other for other in known if other.startswith(f"{name}_")]

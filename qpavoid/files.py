@@ -1,8 +1,7 @@
-"""What others wrote is opened here: regular files, no larger than known, in place.
+"""Reading of files from others: regular files, of limited size and nesting.
 
-Every reader takes its bytes from here, and lets a foreign parser run under
-:func:`reading`, which lets no error out but our own. Sizes are compared with their
-limits before anything is allocated.
+All readers get their bytes here and run foreign parsers under :func:`reading`, which
+turns any exception into an error of qpavoid. Sizes are checked before allocation.
 """
 
 import gzip
@@ -25,30 +24,30 @@ if TYPE_CHECKING:
 Name: TypeAlias = str | os.PathLike[str]
 
 MOST_BYTES, MOST_TEXT, MOST_TABLE = 256_000_000, 8_000_000, 64_000
-"""Bytes of a file, of one that is parsed as text, and of a YAML file."""
+"""Greatest size, bytes: of a file, of a text file, of a YAML file."""
 
 MOST_UNPACKED, LONGEST_LINE = 1_000_000_000, 1_000_000
-"""Bytes that a compressed text may hold, and those of a line of it."""
+"""Greatest size, bytes: of an unpacked text, of one line of it."""
 
 MOST_ARRAYS = 300_000_000
-"""Bytes that all arrays of a file may hold."""
+"""Greatest size, bytes, of all arrays of a file."""
 
 MOST_DEPTH = 32
-"""Tables in tables, lists in lists."""
+"""Greatest depth of nested tables and lists."""
 
 MOST_SAID = 300
-"""Characters of what a parser says that a message repeats."""
+"""Characters of a parser's message that an error repeats."""
 
 TRUST = "QPAVOID_TRUST_PATHS"
-"""The environment variable with which, being 1, files may name what lies elsewhere."""
+"""Environment variable; if it is 1, files may name paths outside their folder."""
 
 
 @contextmanager
 def reading(path: object, fault: str = "not readable") -> Iterator[None]:
-    """Let a parser of others run: whatever it raises becomes an error of ours.
+    """Turn any exception of a foreign parser into a DataError.
 
     Raises:
-        DataError: With the path and what is wrong.
+        DataError: With the path and the fault.
     """
     try:
         yield
@@ -64,13 +63,13 @@ def reading(path: object, fault: str = "not readable") -> Iterator[None]:
 
 
 def open_file(path: Name, most: int = MOST_BYTES) -> BinaryIO:
-    """Open a file to read it: a regular one, of so many bytes at most.
+    """Open a regular file of at most ``most`` bytes for reading.
 
     Raises:
         DataError: It is a folder, a pipe, a device, or larger.
-        OSError: It is not there, or may not be read.
+        OSError: It does not exist or may not be read.
     """
-    # What is opened is what is looked at; without O_NONBLOCK a pipe would wait here.
+    # The open file itself is checked; without O_NONBLOCK a pipe would block here.
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     file = os.fdopen(handle, "rb", closefd=True) if _is_regular(handle) else None
     if file is None:
@@ -79,7 +78,7 @@ def open_file(path: Name, most: int = MOST_BYTES) -> BinaryIO:
     size = os.fstat(handle).st_size
     if size > most:
         file.close()
-        raise DataError(f"{path}: {size:,} bytes, where {most:,} are the most")
+        raise DataError(f"{path}: {size:,} bytes, more than {most:,}")
     return file
 
 
@@ -88,24 +87,22 @@ def _is_regular(handle: int) -> bool:
 
 
 def read_bytes(path: Name, most: int = MOST_BYTES) -> bytes:
-    """Return what a file holds; errors are those of :func:`open_file`."""
+    """Return a file's content; errors as :func:`open_file`."""
     with open_file(path, most) as file:
         return file.read(most)
 
 
 def read_text(path: Name, most: int = MOST_TEXT) -> str:
-    """Return the text of a file in UTF-8, without its mark if it begins with one.
-
-    Errors are those of :func:`open_file`.
+    """Return the text of a UTF-8 file, without its byte order mark.
 
     Raises:
-        UnicodeDecodeError: It is no text.
+        UnicodeDecodeError: It is not UTF-8. Other errors as :func:`open_file`.
     """
     return read_bytes(path, most).decode("utf-8-sig")
 
 
 def read_json(path: Name) -> Any:
-    """Return what a JSON file says.
+    """Return the content of a JSON file.
 
     Raises:
         DataError: It cannot be read.
@@ -115,10 +112,10 @@ def read_json(path: Name) -> Any:
 
 
 def read_yaml(path: Name) -> Any:
-    """Return what a YAML file says; what stands for something else is refused.
+    """Return the content of a YAML file without aliases and repeated keys.
 
-    Few bytes of aliases may stand for more than any memory holds, and of a key that is
-    there twice one would be passed over.
+    A few bytes of aliases may expand beyond any memory; of a repeated key one value
+    would be ignored.
 
     Raises:
         DataError: It cannot be read.
@@ -128,13 +125,15 @@ def read_yaml(path: Name) -> Any:
     class Plain(yaml.SafeLoader):  # type: ignore[misc]
         def compose_node(self, parent: Any, index: Any) -> Any:
             if self.check_event(yaml.AliasEvent):
-                raise DataError(f"{path}: aliases (*) are not read")
+                raise DataError(f"{path}: aliases (*) are not supported")
             return super().compose_node(parent, index)
 
         def construct_mapping(self, node: Any, deep: bool = False) -> Any:
             keys = [str(key.value) for key, _ in node.value]
             if len({*keys}) < len(keys):
-                raise DataError(f"{path}: {max(keys, key=keys.count)} is there twice")
+                raise DataError(
+                    f"{path}: {max(keys, key=keys.count)} is a repeated key"
+                )
             return super().construct_mapping(node, deep)
 
     with reading(path, "not readable YAML"):
@@ -142,10 +141,10 @@ def read_yaml(path: Name) -> Any:
 
 
 def shallow(document: Any, left: int = MOST_DEPTH) -> Any:
-    """Return a document, whose tables and lists are not nested too deeply.
+    """Return a document after checking its depth of nesting.
 
     Raises:
-        DataError: They are.
+        DataError: It exceeds :data:`MOST_DEPTH`.
     """
     if left == 0:
         raise DataError(f"nested more than {MOST_DEPTH} deep")
@@ -156,10 +155,10 @@ def shallow(document: Any, left: int = MOST_DEPTH) -> Any:
 
 
 def read_lines(path: Name) -> Iterator[str]:
-    """Yield the lines of a text, compressed where its name ends in ``.gz``.
+    """Yield the lines of a text, decompressed where its name ends in ``.gz``.
 
     Raises:
-        DataError: One is longer, or all are more, than can be meant.
+        DataError: A line or the whole text is too long.
         OSError, EOFError, zlib.error, UnicodeDecodeError: It cannot be read on.
     """
     left = MOST_UNPACKED
@@ -201,8 +200,8 @@ def read_arrays(path: Name) -> "dict[str, npt.NDArray[Any]]":
 
 
 def _array(content: bytes) -> "npt.NDArray[Any]":
-    """Return an array in numpy's format, if it has as many numbers as it says."""
-    import numpy as np  # not before it is wanted: --help waits for this module
+    """Return an array in numpy's format, if its size agrees with its header."""
+    import numpy as np  # deferred: --help imports this module
 
     file = io.BytesIO(content)
     version = np.lib.format.read_magic(file)
@@ -215,7 +214,7 @@ def _array(content: bytes) -> "npt.NDArray[Any]":
         raise ValueError(f"holds {kind}, shape {shape}: neither numbers nor text")
     wanted, left = math.prod(shape) * kind.itemsize, len(content) - file.tell()
     if wanted != left:
-        raise ValueError(f"shape {shape} wants {wanted} bytes, where {left} are left")
+        raise ValueError(f"shape {shape} needs {wanted} bytes, where {left} are left")
     if not wanted:
         return np.zeros(shape, kind)
     array = np.frombuffer(content, kind, offset=file.tell())
@@ -223,9 +222,9 @@ def _array(content: bytes) -> "npt.NDArray[Any]":
 
 
 def below(path: Path, *folders: Path) -> Path:
-    """Return a path that a file names, if what it leads to lies in a folder.
+    """Return a path that a file names, if it leads into one of the folders.
 
-    ``..`` and links are followed first. With :data:`TRUST` it may lie anywhere.
+    ``..`` and links are resolved first. With :data:`TRUST` it may lie anywhere.
 
     Raises:
         DataError: It lies elsewhere.
@@ -244,7 +243,7 @@ def below(path: Path, *folders: Path) -> Path:
 
 @contextmanager
 def trusting(wanted: bool) -> Iterator[None]:
-    """Let files name what lies elsewhere for a while, in new processes too."""
+    """Let files name paths outside their folder for a while, in new processes too."""
     before = os.environ.get(TRUST, "")
     os.environ[TRUST] = "1" if wanted else before
     try:
@@ -254,5 +253,5 @@ def trusting(wanted: bool) -> Iterator[None]:
 
 
 def is_trusted() -> bool:
-    """Return whether files may name what lies elsewhere."""
+    """Return whether files may name paths outside their folder."""
     return os.environ.get(TRUST) == "1"

@@ -2,7 +2,7 @@
 
     env = ShieldedEnv(ScenarioEnv("demo/strangers"))
 
-Wants the extra ``gym``. Gymnasium knows them as ``qpavoid/Scenario-v0``.
+Requires the extra ``gym``. Gymnasium knows them as ``qpavoid/Scenario-v0``.
 """
 
 from qpavoid.errors import MissingExtraError

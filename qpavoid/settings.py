@@ -1,10 +1,10 @@
-"""Settings are declared once: type, unit, range and default of every field.
+"""Declarations of settings: type, unit, range and default of every field, once.
 
     low: Annotated[float, "m", NOT_NEGATIVE] = 0.17
 
-The unit ends the field's key in files, ``low_m``; :func:`check` holds the field to its
-range. A tuple names the key of each of its numbers; choices (``Literal``) and switches
-(``bool``) need no more than their type. What is plain otherwise is no setting.
+The unit is the suffix of the field's key in files, ``low_m``; :func:`check` enforces
+the range. A tuple names the key of each of its numbers; choices (``Literal``) and
+switches (``bool``) need only their type. A plain field is no setting.
 """
 
 import math
@@ -17,19 +17,19 @@ from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin
 from qpavoid.errors import InvalidInputError
 
 NO_KEY = "no key"
-"""Of a field whose value is not a file's: it comes with the robot or the scenario."""
+"""Mark of a field without a key in files: it is set by the robot or the scenario."""
 
 TABLE = "table"
-"""Of a field that is settings of its own: in files a table in the table."""
+"""Mark of a field that holds settings: in files a table within the table."""
 
 BOUNDS = {">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le}
 
 
 class Range(NamedTuple):
-    """The numbers that are allowed: greater than, at least, less than, at most.
+    """Range of allowed numbers: bounds >, >=, <, <=; ``None``: no such bound.
 
-    ``None``: no such bound. NaN is in no range with a bound; without
-    ``allow_inf_nan=False`` infinite numbers may be.
+    NaN is in no range with a bound; infinite numbers are excluded only with
+    ``allow_inf_nan=False``.
     """
 
     gt: float | None = None
@@ -59,14 +59,14 @@ SHARE = Range(ge=0.0, le=1.0)
 
 
 class Setting(NamedTuple):
-    """A field of some settings.
+    """One declared field.
 
     Attributes:
         name: Of the field.
         kind: Type of its value, or of each number of a tuple.
-        keys: In files; one a number of a tuple, none where it is not a file's.
-        range: Of its numbers; None: it has none.
-        default: Its default, or ``...``: there is none.
+        keys: In files, one per number of a tuple; empty with :data:`NO_KEY`.
+        range: Of its numbers, or None.
+        default: Its default, or ``...`` if it has none.
         many: Whether it is a tuple of numbers.
     """
 
@@ -79,15 +79,15 @@ class Setting(NamedTuple):
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """The words that it may be; none where it is no choice."""
+        """Allowed words of a ``Literal``, else empty."""
         return get_args(self.kind) if get_origin(self.kind) is Literal else ()
 
     def of(self, value: Any) -> tuple[Any, ...]:
-        """Return the values of its keys."""
+        """Return the values of its keys, one per key."""
         return tuple(value) if self.many else (value,)
 
     def wish(self, value: Any) -> str:
-        """Return what a value should be instead; empty: it is all right."""
+        """Return the requirement that a value violates, or an empty string."""
         if self.choices:
             known = ", ".join(self.choices)
             return "" if value in self.choices else f"to be one of {known}"
@@ -114,14 +114,14 @@ _KNOWN: dict[type[Any], tuple[Setting, ...]] = {}
 
 
 def declared(kind: type[Any]) -> tuple[Setting, ...]:
-    """Return the fields of a dataclass that are declared as settings, in order."""
+    """Return the declared settings of a dataclass, in order."""
     if kind not in _KNOWN:
         _KNOWN[kind] = tuple(filter(None, map(_setting, fields(kind))))
     return _KNOWN[kind]
 
 
 def _setting(item: Any) -> Setting | None:
-    """Return what a field is declared to be; None: it is no setting."""
+    """Return the declaration of a field; None if it is no setting."""
     hint, default = item.type, item.default
     kind, *told = get_args(hint) if get_origin(hint) is Annotated else (hint,)
     if not told and kind is not bool and get_origin(kind) is not Literal:
@@ -140,15 +140,15 @@ def _setting(item: Any) -> Setting | None:
 
 
 def want(holds: bool, what: str) -> None:
-    """Raise InvalidInputError unless something holds."""
+    """Raise InvalidInputError with the message ``what`` unless ``holds``."""
     if not holds:
         raise InvalidInputError(what)
 
 
 def check(settings: Any, wants: str) -> None:
-    """Hold a dataclass of settings to their declared ranges and choices.
+    """Check a dataclass of settings against their declared ranges and choices.
 
-    ``wants`` is how the message begins, such as ``"a guide wants"``.
+    ``wants`` begins the message, such as ``"a guide needs"``.
 
     Raises:
         InvalidInputError: For the first field that is not as declared, by name.

@@ -1,4 +1,4 @@
-"""Stamps of sources: compiled code, programs and runs are of these and no others."""
+"""Hashes of source files, which identify compiled code, programs and runs."""
 
 import hashlib
 import re
@@ -12,10 +12,10 @@ IMPORT = re.compile(r"^ *(?:from|import) +([\w.]+)(?: +import +(\([^)]*\)|.*))?"
 
 @cache
 def source_stamp(path: Path) -> str:
-    """Return a hash of a source file and of all that it imports, directly or not.
+    """Return a hash of a source file and of all files that it imports, directly or not.
 
-    Of the package, and of scripts beside it; empty for what has no file, as in a
-    notebook. The package's ``__init__`` hands on names and compiles nothing.
+    It covers the package and scripts beside the file; it is empty without a file, as in
+    a notebook. The package's ``__init__`` is left out: it only re-exports names.
     """
     seen, left = set(), [path]
     while left:
@@ -28,7 +28,7 @@ def source_stamp(path: Path) -> str:
 
 @cache
 def imported_files(path: Path) -> tuple[Path, ...]:
-    """Return the files of the modules that a source file may import itself."""
+    """Return the files of the modules that a source file imports itself."""
     try:
         text = path.read_text(encoding="utf-8")
     except OSError:
@@ -47,7 +47,7 @@ def imported_files(path: Path) -> tuple[Path, ...]:
 
 
 def file_digest(path: Path) -> str:
-    """Return the hash of a file as it is now; empty for one that is not there."""
+    """Return the hash of a file's present content; empty if it does not exist."""
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError:
@@ -56,5 +56,5 @@ def file_digest(path: Path) -> str:
 
 @cache
 def file_stamp(path: Path) -> str:
-    """Return the hash of a source file as it was when it was first asked for."""
+    """Return the hash of a source file when it was first requested."""
     return file_digest(path)

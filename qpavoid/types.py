@@ -1,4 +1,4 @@
-"""Types that many modules share; nothing here has behaviour."""
+"""Shared types, without behaviour."""
 
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
@@ -9,11 +9,11 @@ Array: TypeAlias = npt.NDArray[np.float64]
 
 
 class Buffer(NamedTuple):
-    """What an array is to machine code that is handed one.
+    """Memory layout of an array argument of machine code.
 
     Attributes:
         dimensions: 1 or 2, contiguous, of float64.
-        written: Whether it is changed.
+        written: Whether the function changes it.
     """
 
     dimensions: int
@@ -21,10 +21,10 @@ class Buffer(NamedTuple):
 
 
 class Sizes(NamedTuple):
-    """The least sizes of an array: by less machine code would read beyond it.
+    """Least sizes of an array argument, below which machine code would read beyond it.
 
     Attributes:
-        rows: Or numbers of a vector.
+        rows: Or length of a vector.
         columns: Of a matrix.
     """
 
@@ -33,12 +33,12 @@ class Sizes(NamedTuple):
 
 
 class Record(NamedTuple):
-    """The same of an array that holds one record.
+    """Memory layout of an array argument that holds one record.
 
     Attributes:
         name: Of its type.
         dtype: Its fields.
-        written: Whether it is changed.
+        written: Whether the function changes it.
     """
 
     name: str
@@ -48,17 +48,17 @@ class Record(NamedTuple):
 
 Vector: TypeAlias = Annotated[Array, Buffer(1)]
 Matrix: TypeAlias = Annotated[Array, Buffer(2)]
-"""(n,) and (n, m), only read."""
+"""(n,) and (n, m), read only."""
 
 VectorWritten: TypeAlias = Annotated[Array, Buffer(1, written=True)]
 MatrixWritten: TypeAlias = Annotated[Array, Buffer(2, written=True)]
-"""The same, written."""
+"""(n,) and (n, m), written."""
 
 LimitVector: TypeAlias = Annotated[Vector, Sizes(9)]
 """(9,) :attr:`qpavoid.model.robot.Robot.limit_vector`."""
 
 Edges: TypeAlias = Annotated[Matrix, Sizes(1, 5)]
-"""(n, 5) of a footprint."""
+"""(n, 5) edges of a footprint; see :class:`qpavoid.model.footprint.Footprint`."""
 
 Points: TypeAlias = Annotated[Matrix, Sizes(0, 2)]
 """(N, 2), m."""
@@ -78,20 +78,20 @@ Arrays: TypeAlias = tuple[Points, Capsules]
 """Obstacles: points (N, 2) at rest, of radius 0, and capsules (M, 11)."""
 
 ArraysWritten: TypeAlias = tuple[Annotated[MatrixWritten, Sizes(0, 2)], CapsulesWritten]
-"""The same, to be filled in."""
+"""Obstacles as :data:`Arrays`, written."""
 
 Pose: TypeAlias = tuple[float, float, float]
 """x, y in m and γ in rad."""
 
 Pair: TypeAlias = tuple[float, float]
-"""Of v and of ω: a twist, or weights."""
+"""One number for v and one for ω: a twist, or weights."""
 
 Twist: TypeAlias = tuple[float, float]
 """v in m/s and ω in rad/s."""
 
 
 class Box(NamedTuple):
-    """Twists between limits, possibly infinite.
+    """Bounds of a twist, possibly infinite.
 
     Attributes:
         v_min: m/s.

@@ -39,24 +39,8 @@ high_m = [5.0, 5.0]
 radius_high_m = 0.05
 """
 
-WITHOUT_LOOP = (
-    *("ahead", "bodies", "certificate", "clusters", "compiled", "contact", "declared"),
-    *("driven", "estimate", "estimate_input", "exact", "export_c", "export_records"),
-    *("export_translate", "extension", "footprint", "house", "kanayama", "kinematics"),
-    *("limit", "localisation", "messages", "moving_data", "node", "obstacle_table"),
-    *("obstacles", "path", "play_page", "polygons", "quick"),
-    *(
-        "recorded_answers",
-        "sensed_data",
-        "standing",
-        "statistics",
-        "tables",
-        "trail",
-        "walls",
-    ),
-    "wholebody",
-)
-"""Tests for which the closed loop need not be compiled: the second worker begins with
+WITHOUT_LOOP = "avoidance", "export", "guide", "model", "qp", "ros"
+"""Folders for which the closed loop need not be compiled: the second worker begins with
 them, while the first one compiles it."""
 
 settings.register_profile(
@@ -74,10 +58,9 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items):
     """Begin with the loop, and half way, as a second worker does, with the others."""
-    names = {item: item.path.stem.removeprefix("test_") for item in items}
-    apart = [item for item in items if names[item] in WITHOUT_LOOP]
-    later = [item for item in items if names[item] not in WITHOUT_LOOP]
-    later.sort(key=lambda item: names[item] != "batch")
+    apart = [item for item in items if item.path.parent.name in WITHOUT_LOOP]
+    later = [item for item in items if item.path.parent.name not in WITHOUT_LOOP]
+    later.sort(key=lambda item: item.path.stem != "test_batch")
     half = len(items) // 2
     items[:] = later[:half] + apart + later[half:]
 

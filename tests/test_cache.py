@@ -1,14 +1,18 @@
-"""The cache of compiled code: what it believes, what it says, what it refuses."""
+"""The cache of compiled code: what it believes, what it refuses, and first starts."""
 
 import os
 import pickle
+import shutil
 import stat
+import subprocess
+import sys
 from pathlib import Path
 
 import numba
 import numpy as np
 import pytest
 
+import qpavoid
 from qpavoid import cache, compiled
 from qpavoid.cache import CacheFolder, digest
 
@@ -76,7 +80,7 @@ def test_a_damaged_file_is_compiled_anew_and_said(damage, folder, capsys):
     whole = file.read_bytes()
     file.write_bytes(DAMAGES[damage](whole))
     assert start() == 0
-    assert f"damaged, and compiled anew: {file}" in capsys.readouterr().err
+    assert f"damaged cache file, compiling again: {file}" in capsys.readouterr().err
     assert start() == 1 and only_file(folder) == file
 
 
@@ -86,12 +90,6 @@ def test_code_of_other_sources_is_not_read_and_goes(folder, monkeypatch):
     monkeypatch.setattr(compiled, "source_stamp", lambda path: "another")
     assert start() == 0
     assert only_file(folder) != old and start() == 1
-
-
-def test_code_of_another_numba_is_not_read(folder, monkeypatch):
-    assert start() == 0
-    monkeypatch.setattr(compiled, "versions", lambda: "numba 9")
-    assert start() == 0
 
 
 def test_two_pythons_share_a_folder(tmp_path):
@@ -112,16 +110,8 @@ def test_a_full_disk_costs_the_cache_alone(call, folder, monkeypatch, capsys):
 
     monkeypatch.setattr(Path, call, full)
     assert [start(), start(3.0)] == [0, 0]
-    assert capsys.readouterr().err.count("cannot be kept") == 1
+    assert capsys.readouterr().err.count("cannot be saved") == 1
     assert not [path for path in folder.rglob("*") if path.is_file()]
-
-
-def test_a_folder_that_goes_meanwhile_costs_nothing(folder):
-    function = compiled.compiled(twice)
-    assert function.dispatcher and function(1.0) == 2.0
-    for path in sorted(folder.rglob("*"), reverse=True):
-        path.unlink() if path.is_file() else path.rmdir()
-    assert function(np.float32(1.0)) == 2.0
 
 
 class Bomb:
@@ -168,7 +158,7 @@ def test_what_others_can_have_written_is_not_read(opened, folder, capsys, tmp_pa
     except PermissionError:
         pytest.skip("only the superuser gives files away")
     assert start() == 0 and not (tmp_path / "bang").exists()
-    assert "others can write to the cache" in capsys.readouterr().err
+    assert "is writable by others" in capsys.readouterr().err
 
 
 @posix
@@ -178,7 +168,116 @@ def test_a_file_is_for_its_owner_to_write(folder):
         assert not path.stat().st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
-def test_a_group_of_the_user_alone_may_write(tmp_path):
-    mode = stat.S_IFREG | 0o664
-    status = os.stat_result((mode, 0, 0, 0, os.geteuid(), os.geteuid(), 0, 0, 0, 0))
-    assert cache.is_private(status)
+CALL = (
+    "from qpavoid.model.kinematics import arc;"
+    "print(arc(0.0, 0.0, 0.0, 0.5, 0.0, 2.0)[0])"
+)
+COMPILING = "compiling for this machine"
+
+
+@pytest.fixture
+def install(tmp_path):
+    """A copy of the package, with nothing compiled, to run a first start from."""
+    home = Path(qpavoid.__file__).parent
+    ignored = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(home, tmp_path / "site" / "qpavoid", ignore=ignored)
+    return tmp_path / "site"
+
+
+def first_start(install, cache=None, home=None):
+    """A fresh interpreter that makes one compiled call."""
+    environment = {**os.environ, "PYTHONPATH": str(install), "QPAVOID_NATIVE": "0"}
+    environment.pop("NUMBA_CACHE_DIR", None)
+    if cache is not None:
+        environment["NUMBA_CACHE_DIR"] = str(cache)
+    if home is not None:
+        environment |= {"HOME": str(home), "XDG_CACHE_HOME": str(home)}
+    return subprocess.Popen(
+        [sys.executable, "-P", "-c", CALL],
+        env=environment,
+        cwd=install,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def finish(process):
+    out, errors = process.communicate(timeout=120)
+    assert process.returncode == 0, errors
+    assert float(out) == 1.0
+    return errors
+
+
+def bar(folder):
+    """Let no folder be made here, for the superuser either: a file is in its place."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    folder.write_text("not a folder")
+
+
+def test_first_starts_at_the_same_time_share_a_cache(install, tmp_path):
+    for process in [first_start(install, tmp_path / "cache") for _ in range(3)]:
+        finish(process)
+    assert COMPILING not in finish(first_start(install, tmp_path / "cache"))
+
+
+def test_a_read_only_installation_keeps_its_cache_with_the_user(install, tmp_path):
+    for folder in [p for p in (install / "qpavoid").rglob("*") if p.is_dir()]:
+        bar(folder / "__pycache__")
+    bar(install / "qpavoid" / "__pycache__")
+    home = tmp_path / "home"
+    home.mkdir()
+    assert COMPILING in finish(first_start(install, home=home))
+    assert COMPILING not in finish(first_start(install, home=home))
+    assert list(home.rglob("*.code"))
+
+
+def test_a_cache_folder_that_cannot_be_made_is_passed_over(install, tmp_path):
+    bar(tmp_path / "barred")
+    finish(first_start(install, cache=tmp_path / "barred" / "cache"))
+    assert COMPILING not in finish(first_start(install, tmp_path / "barred" / "cache"))
+
+
+def test_where_nothing_can_be_written_every_start_compiles(install, tmp_path):
+    for folder in [p for p in (install / "qpavoid").rglob("*") if p.is_dir()]:
+        bar(folder / "__pycache__")
+    bar(install / "qpavoid" / "__pycache__")
+    bar(tmp_path / "home")
+    for _ in range(2):
+        said = finish(first_start(install, home=tmp_path / "home"))
+        assert COMPILING in said and "each start compiles" in said
+
+
+def test_the_cache_is_valid_for_the_sources_that_a_function_rests_on(tmp_path):
+    """An edit in a callee leaves no old code in a cache; one beside costs nothing."""
+    package = tmp_path / "qpavoid"
+    (package / "lab").mkdir(parents=True)
+    (package / "__init__.py").touch()
+    for name in ("cache.py", "compiled.py", "errors.py", "stamps.py"):
+        (package / name).write_text(
+            (Path(qpavoid.__file__).with_name(name)).read_text()
+        )
+    head, body = "from qpavoid.compiled import compiled\n", "@compiled\ndef {}(x): {}\n"
+    callee = head + body.format("f", "return x + {}")
+    (package / "lab" / "callee.py").write_text(callee.format(1))
+    middle = "from qpavoid.lab import (\n    callee,\n)\nf = callee.f\n"
+    (package / "middle.py").write_text(middle)
+    caller = "from qpavoid.middle import f\n" + body.format("g", "return f(x)")
+    (package / "caller.py").write_text(head + caller)
+    (package / "beside.py").write_text("")
+
+    def run():
+        done = subprocess.run(
+            [sys.executable, "-c", "from qpavoid.caller import g; print(g(1))"],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return done.stdout.strip(), done.stderr.count("compiling for this machine")
+
+    assert run()[0] == "2" and run() == ("2", 0)
+    (package / "beside.py").write_text("a_page = 1")
+    assert run() == ("2", 0)
+    (package / "lab" / "callee.py").write_text(callee.format(2))
+    assert run() == ("3", 1)

@@ -1,6 +1,6 @@
 """The one module that knows numba, and the parts that numba does not document."""
 
-from importlib import import_module, util
+from importlib import util
 
 import numba
 import numpy as np
@@ -23,11 +23,6 @@ def twice(x):
 
 def copied(x):
     return x.copy()
-
-
-@pytest.mark.parametrize("option", ["_nrt", "forceinline", *compiled.UNWRAPPED])
-def test_numba_has_the_option(option):
-    assert compiled._is_option(option), lacks(f"option {option!r}")
 
 
 def test_numba_takes_a_cache_of_our_own():
@@ -54,11 +49,6 @@ def test_what_callers_want_is_compiled_here_though_its_own_code_is_kept():
     assert function(1.0) == 2.0 and not function.inner.signatures
     function.compile_alone(1.0)
     assert len(function.inner.signatures) == 1
-
-
-@pytest.mark.parametrize("name", ["Listener", "register"])
-def test_numba_tells_of_its_compiling(name):
-    assert hasattr(import_module("numba.core.event"), name), lacks(f"event.{name}")
 
 
 def without_options(monkeypatch):

@@ -6,7 +6,22 @@ from typing import Annotated, Literal
 
 import pytest
 
+from qpavoid.avoidance.freshness import Freshness
+from qpavoid.avoidance.settings import (
+    Actuation,
+    AvoidanceSettings,
+    LookAhead,
+    Margins,
+    Repulsion,
+    SafetyRadius,
+)
 from qpavoid.errors import InvalidInputError
+from qpavoid.guide.settings import GuideSettings
+from qpavoid.lab.planning.planner import PlannerSettings
+from qpavoid.lab.sensing.clusters import ClusterSettings
+from qpavoid.lab.sensing.lidar import LidarSettings
+from qpavoid.model.estimate import EstimatorSettings
+from qpavoid.model.robot import Limits
 from qpavoid.settings import (
     FINITE,
     NO_KEY,
@@ -17,6 +32,9 @@ from qpavoid.settings import (
     check,
     declared,
 )
+from qpavoid.tracking.clock import Waiting
+from qpavoid.tracking.kanayama import Gains
+from qpavoid.tracking.station import StationKeeping
 
 
 @dataclass(frozen=True)
@@ -75,3 +93,38 @@ def test_ranges():
     assert held(Range(gt=0.0, lt=2.0)) == [0.5, 1.0]
     assert held(Range(le=0.0)) == [-math.inf, -1.0, 0.0]
     assert str(Range(gt=0.0, le=2.0)) == "> 0 and <= 2"
+
+
+NEEDED = {
+    Gains: {"k_x": 1.0, "k_y": 1.0, "k_gamma": 1.0},
+    Limits: {"v_min": -1.0, "v_max": 1.0, "omega_min": -1.0, "omega_max": 1.0},
+}
+SETTINGS = [
+    *(SafetyRadius, Repulsion, Margins, Actuation, LookAhead, AvoidanceSettings),
+    *(Freshness, GuideSettings, EstimatorSettings, Waiting, StationKeeping, *NEEDED),
+    *(PlannerSettings, ClusterSettings, LidarSettings),
+]
+
+
+def outside(setting):
+    """Values that a setting may not have."""
+    allowed = setting.range
+    if allowed is None:
+        held = setting.choices or setting.kind is bool
+        return ["none", 7, None, math.nan] if held else []
+    found = [math.nan, "1", None, 1j, [1.0], 10**400]
+    found += [] if allowed.allow_inf_nan is None else [math.inf, -math.inf]
+    least, most = (allowed.gt, allowed.ge), (allowed.lt, allowed.le)
+    for (bound, included), away in ((least, -math.inf), (most, math.inf)):
+        found += [] if bound is None else [bound]
+        found += [] if included is None else [math.nextafter(included, away)]
+    return found
+
+
+@pytest.mark.parametrize("kind", SETTINGS)
+def test_what_is_outside_of_a_range_is_refused_by_name(kind):
+    for setting in declared(kind):
+        for wrong in outside(setting):
+            given = [wrong] * len(setting.keys) if setting.many else wrong
+            with pytest.raises(InvalidInputError, match=setting.name):
+                kind(**{**NEEDED.get(kind, {}), setting.name: given})

@@ -1,14 +1,16 @@
 """The documentation is true: it builds without a warning, and its snippets run."""
 
+import json
 import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 import qpavoid
 from places import ROOT
-from qpavoid.avoidance.decision import SENTENCES, Status
+from qpavoid.avoidance.decision import Status
 from qpavoid.cli import COMMANDS, main
 
 DOCS = ROOT / "docs"
@@ -21,7 +23,7 @@ def fenced(text, language):
 
 
 def cells(text):
-    """What a tutorial runs when it is built."""
+    """Code that a tutorial runs when it is built."""
     return fenced(text, r"\{code-cell\} ipython3")
 
 
@@ -70,19 +72,24 @@ def test_paths_and_links_exist():
             assert made or (DOCS / path).exists(), (name, path)
 
 
-def test_the_api_page_has_every_public_name():
-    text = (DOCS / "api.rst").read_text()
-    named = set(re.findall(r":: qpavoid\.(\w+)$", text, re.MULTILINE))
+def test_the_api_pages_have_every_name_that_is_public_or_used():
+    pages = "".join(path.read_text() for path in DOCS.glob("api/*.rst"))
+    named = set(re.findall(r":: (qpavoid[\w.]+)$", pages, re.MULTILINE))
     errors = {name for name in qpavoid.__all__ if name.endswith("Error")}
-    assert named - {"errors"} == set(qpavoid.__all__) - errors - {"__version__"}
+    public = {f"qpavoid.{name}" for name in {*qpavoid.__all__} - errors}
+    imports = r"^from (qpavoid[\w.]*) import (.+)$"
+    used = {
+        f"{module}.{name}"
+        for text in TEXTS.values()
+        for module, names in re.findall(imports, text, re.MULTILINE)
+        for name in names.split(", ")
+    }
+    assert (public | used) - named == {"qpavoid.__version__"}
 
 
 def test_statuses_are_named():
-    text = " ".join(TEXTS["filter"].split())
-    assert set(re.findall(r"^\| `(\w+)` \|", TEXTS["filter"], re.M)) == {*Status}
-    for status in Status:
-        sentence = SENTENCES[status].removesuffix(".")
-        assert sentence in text, status
+    table = TEXTS["filter"].partition("## Status")[2].partition("## ")[0]
+    assert set(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)) == {*Status}
 
 
 def test_every_reference_is_resolved_once():
@@ -95,17 +102,30 @@ def test_every_reference_is_resolved_once():
     assert len(listed) == len(set(listed))
 
 
-def test_equations_are_all_written_out():
-    text = TEXTS["how-it-works"]
-    assert all(f"Eq. {n}" in text for n in range(1, 9))
+def test_every_formula_is_where_the_table_says():
+    lines = [line.split(" | ") for line in TEXTS["formulas"].splitlines()]
+    places = [cells for cells in lines if len(cells) == 5 and "`" in cells[3]]
+    for _, _, _, place, _ in places:
+        path, name = re.findall(r"`([^`]+)`", place)
+        source = (ROOT / "qpavoid" / path).read_text()
+        assert re.search(rf"^\s*(def |class |){name}\b", source, re.MULTILINE), place
+    equations = {cells[4].strip(" |") for cells in places}
+    assert {f"Eq. {n}" for n in range(1, 9)} <= equations
+
+
+def test_the_glossary_is_in_order():
+    text = TEXTS["glossary"].partition("```{glossary}\n")[2]
+    terms = re.findall(r"^(\w.*)\n  ", text, re.MULTILINE)
+    assert len(terms) > 50
+    assert terms == sorted(terms, key=lambda term: term.lower().replace("_", ""))
 
 
 TUTORIALS = [name for name, text in TEXTS.items() if cells(text)]
 
 
 def test_every_tutorial_is_a_notebook():
-    wanted = "own-robot own-scenario own-method lidar-loop studies bag ros2 c fleet"
-    assert set(TUTORIALS) == set(wanted.split())
+    expected = "own-robot own-scenario methods lidar-loop studies bag ros2 c"
+    assert set(TUTORIALS) == set(expected.split())
 
 
 def built(folder, *options):
@@ -120,16 +140,39 @@ def built(folder, *options):
     return {path.stem: path.read_text() for path in folder.rglob("*.html")}
 
 
+def dead_links(folder):
+    """Yield the links between pages of a built site that lead nowhere."""
+    texts = {path: path.read_text() for path in folder.rglob("*.html")}
+    for path, text in texts.items():
+        for link in re.findall(r'href="([^":?]+)"', text):
+            target, _, anchor = link.partition("#")
+            file = (path.parent / target).resolve() if target else path
+            name = f'id="{anchor}"' if anchor else ""
+            if not file.exists() or name not in texts.get(file, name):
+                yield path.name, link
+
+
 UNQUIET = "myst.xref_missing,myst.header,myst-nb.lexer"  # of conf.py, and cells
 UNRUN = ("-D", "nb_execution_mode=off", "-D", f"suppress_warnings={UNQUIET}")
 
 
 @pytest.mark.long
 def test_it_builds_without_a_warning(tmp_path):
-    """The tutorials as they stand: a cell that has not run has no language."""
+    """The tutorials are not run, so their cells have no language."""
     pages = built(tmp_path, *UNRUN)
     assert "gamma_per_s" in pages["keys"] and "1/s" in pages["keys"]
-    assert "nearest" in pages["api"] and set(TUTORIALS) < set(pages)
+    assert "nearest" in pages["avoidance"] and set(TUTORIALS) < set(pages)
+    assert not [*dead_links(tmp_path)]
+    index = (tmp_path / "searchindex.js").read_text()
+    found = json.loads(index[index.index("(") + 1 : -1])
+    for word, page in (
+        ("nav2", "ros2"),
+        ("costmap", "ros2"),
+        ("tracker", "ros2"),
+        ("veloc", "filter"),
+    ):
+        hits = np.atleast_1d(found["titleterms"][word])
+        assert found["docnames"].index(page) in hits
     assert not [name for name in pages if re.search(r'src="https?://', pages[name])]
 
 

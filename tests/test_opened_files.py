@@ -11,7 +11,6 @@ import zlib
 
 import numpy as np
 import pytest
-from qpavoid.lab.worlds.points import read_points
 
 from minimal import STATION
 from qpavoid import files
@@ -19,17 +18,15 @@ from qpavoid.cli import main
 from qpavoid.errors import (
     ConfigError,
     DataError,
-    InvalidInputError,
     QPAvoidError,
     UnknownNameError,
 )
-from qpavoid.lab.planning.grid import Grid
 from qpavoid.lab.simulation.config import find_config
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.worlds import dynabarn
 from qpavoid.lab.worlds.carmen import read_scans
 from qpavoid.lab.worlds.map_server import read_image, read_map
-from qpavoid.tracking.path import SplinePath
+from qpavoid.lab.worlds.points import read_points
 from scenario_files import CROSSING
 
 POINTS = '\n[[obstacles]]\nkind = "points"\nfile = "{}"\n'
@@ -105,7 +102,7 @@ def test_a_large_file_is_refused_before_it_is_read(tmp_path):
     path = tmp_path / "a.csv"
     with path.open("wb") as file:
         file.truncate(10**13)
-    with pytest.raises(DataError, match=r"10,000,000,000,000 bytes, where 8,000,000"):
+    with pytest.raises(DataError, match=r"000 bytes, more than 8,000,000"):
         read_points(path)
 
 
@@ -114,7 +111,7 @@ def test_an_array_that_promises_more_than_it_has(tmp_path):
     text = head.ljust(117).encode() + b"\n"
     path = tmp_path / "a.npy"
     path.write_bytes(b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text)
-    with pytest.raises(DataError, match="wants 16000000000000 bytes, where 0 are left"):
+    with pytest.raises(DataError, match="needs 16000000000000 bytes, where 0 are left"):
         read_points(path)
 
 
@@ -182,32 +179,20 @@ def test_a_picture_of_too_many_pixels_is_refused(tmp_path, image):
         ("", RANDOM.format(10**9), "count: .*less than or equal to 10000"),
         ("", 3 * RANDOM.format(9_000), "27,00[01] obstacles, where 10,000 are most"),
         ("duration_s = ", "duration_s = 1e12 # ", "steps of dt_s; a run has"),
-        ("duration_s = ", "duration_s = 1e300 # ", "makes inf steps|steps of dt_s"),
         ("", "\n[lidar]\nbeams = 1000000000\n", "beams"),
         ("", f"\nx = {5000 * '9'}\n", "digits"),
-        ("", f"\nx = 0x{5000 * 'f'}\n", "digits"),
         ("", f"\nx = {500 * '['}\n", "nested too deeply|not valid TOML"),
-        ("", f"\nx = {40 * '['}{40 * ']'}\n", "nested more than 32 deep"),
         ("", "\n" + 100 * "a." + "b = 1\n", "a key of many parts"),
-        ("", "\n" + 100 * '"a" . ' + "b = 1\n", "a key of many parts"),
-        ("", "\n" + 20 * "a." + "b = 1\n", "a key of many parts"),
         (
             "",
             "\n[filter]\n" + "".join(f"k{i} = 1\n" for i in range(9_000)),
             "9000 problems, too many to tell",
         ),
-        ("", "\n#" + 2_000_000 * "a", "bytes, where 2,000,000 are the most"),
+        ("", "\n#" + 2_000_000 * "a", "bytes, more than 2,000,000"),
         (
             "",
             RANDOM.format(2).replace("[1.0, 1.0]", "[3.0, 1.0]"),
             "low bound lies above",
-        ),
-        (
-            "",
-            RANDOM.format(2)
-            .replace("[2.0, 2.0]", "[1e308, 2.0]")
-            .replace("[1.0, 1.0]", "[-1e308, 1.0]"),
-            "low bound lies too far",
         ),
         ("", SCATTERED, "robots.*low bound lies above"),
         ("", "\nx = 0001-01-01T00:00:00+23:59\n", "unknown key"),
@@ -248,26 +233,6 @@ def test_seeds_that_nobody_can_mean(scenario, seeds, message, capsys):
     assert re.search(message, capsys.readouterr().err)
 
 
-def test_a_grid_that_nobody_can_mean(scenario, capsys):
-    path = scenario(RANDOM.format(2))
-    study = path.with_name("study.toml")
-    values = json.dumps([0.1 + 0.001 * k for k in range(30)])
-    keys = "\n".join(f'"{key}" = {values}' for key in ("a.b", "c.d", "e.f"))
-    study.write_text(
-        'title = "t"\ncontrollers = ["eq5"]\nscenarios = [{ config = "a.toml" }]\n'
-        f"[settings]\n{keys}\n"
-    )
-    assert main(["check", str(study)]) == 1
-    assert "27,000 combinations" in capsys.readouterr().err
-
-
-def test_limits_of_paths_and_grids():
-    with pytest.raises(InvalidInputError, match="at most 2 km"):
-        SplinePath(np.array([[0.0, 0.0], [2001.0, 0.0]]), 1.0)
-    with pytest.raises(InvalidInputError, match="16,000,000 are most"):
-        Grid.around(np.array([[0.0, 0.0], [1e6, 1e6]]), 0.1, 1e-3)
-
-
 @pytest.mark.parametrize(
     "change, message",
     [
@@ -300,13 +265,13 @@ def test_few_bytes_of_yaml_do_not_become_many(tmp_path):
     for k in range(20):
         laughs.append(f"a{k + 1}: &a{k + 1} [{', '.join(9 * [f'*a{k}'])}]")
     (tmp_path / "a.yaml").write_text("\n".join(laughs))
-    with pytest.raises(DataError, match="aliases .* are not read"):
+    with pytest.raises(DataError, match="aliases .* are not supported"):
         files.read_yaml(tmp_path / "a.yaml")
 
 
 def test_a_key_that_is_there_twice_is_said(tmp_path):
     (tmp_path / "a.yaml").write_text("a: 1\nb: {c: 2}\nb: {c: 3}\n")
-    with pytest.raises(DataError, match="b is there twice"):
+    with pytest.raises(DataError, match="b is a repeated key"):
         files.read_yaml(tmp_path / "a.yaml")
 
 

@@ -1,5 +1,6 @@
-"""What a release is made of agrees with itself."""
+"""The public names, what an import loads, and what a release is made of."""
 
+import ast
 import re
 import subprocess
 import sys
@@ -9,12 +10,69 @@ from importlib.util import find_spec
 import pytest
 import yaml
 
+import qpavoid
 from places import ROOT
 
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+FILE = tomllib.loads((ROOT / "pyproject.toml").read_text())
+PROJECT = FILE["project"]
 CONDA = {"matplotlib": "matplotlib-base"}
 CONDA_BUILD = {"hatchling", "numpy"}
 """Of what builds the package; the compiler is conda's own."""
+
+
+def test_type_checkers_see_the_public_names():
+    tree = ast.parse((ROOT / "qpavoid" / "__init__.py").read_text())
+    block = next(node for node in tree.body if isinstance(node, ast.If))
+    lines = [node for node in block.body if isinstance(node, ast.ImportFrom)]
+    names = {alias.name for node in lines for alias in node.names}
+    assert names == set(qpavoid.__all__) - {"__version__"} and len(names) == 37
+    assert all(getattr(qpavoid, name) is not None for name in dir(qpavoid))
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        qpavoid.nothing  # noqa: B018
+
+
+def loaded(code):
+    """Return the top-level modules that a fresh interpreter has after some code."""
+    code += "; import sys; print(*{name.split('.')[0] for name in sys.modules})"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    return set(done.stdout.split())
+
+
+HEAVY = {"casadi", "osqp", "qpsolvers", "matplotlib", "pydantic", "rich"}
+HEAVY |= {"gymnasium", "pettingzoo", "pink", "mink", "pinocchio", "mujoco"}
+"""And not scipy, which numba itself imports where it is installed."""
+
+
+def test_packages_are_imported_only_when_used():
+    assert not loaded("import qpavoid") & {*HEAVY, "numpy", "numba"}
+    filtering = "import qpavoid as qp; qp.SafetyFilter(qp.Robot.mir100())"
+    assert not loaded(filtering) & HEAVY
+    osqp = filtering.replace("100()", "100(), solver='osqp'")
+    assert loaded(osqp) & HEAVY == {"osqp"}
+
+
+def test_versions_agree():
+    """That of the package is the installed one: an old installation is found."""
+    version = PROJECT["version"]
+    assert qpavoid.__version__ == version
+    assert f"version: {version}" in (ROOT / "CITATION.cff").read_text()
+    assert f"## [{version}]" in (ROOT / "CHANGELOG.md").read_text()
+
+
+def test_python_is_tested_in_the_versions_that_are_promised():
+    promised = re.findall(r":: (3\.\d+)", " ".join(PROJECT["classifiers"]))
+    environments = FILE["tool"]["hatch"]["envs"]
+    assert environments["newest"]["matrix"] == [{"python": promised}]
+    assert PROJECT["requires-python"] == f">={promised[0]}"
+    assert environments["oldest"]["python"] == promised[0]
+
+
+def test_the_files_that_contributors_are_sent_to_exist():
+    text = (ROOT / "CONTRIBUTING.md").read_text()
+    for path in re.findall(r"`([\w.]+/[\w./]*|[\w-]+\.(?:py|toml|md))`", text):
+        assert any(ROOT.glob(path.replace("NAME", "*"))), path
 
 
 def test_the_conda_recipe_wants_what_the_package_wants():
@@ -26,7 +84,7 @@ def test_the_conda_recipe_wants_what_the_package_wants():
     wanted = {f"{CONDA.get(name, name)} {least}" for name, least in names}
     wanted.add(f"python {PROJECT['requires-python']}")
     assert set(recipe["requirements"]["run"]) == wanted
-    built = tomllib.loads((ROOT / "pyproject.toml").read_text())["build-system"]
+    built = FILE["build-system"]
     host = {text.replace(" ", "") for text in recipe["requirements"]["host"]}
     host -= {"python", "pip"}
     plain = {text for text in built["requires"] if text.split(">")[0] in CONDA_BUILD}
@@ -36,26 +94,6 @@ def test_the_conda_recipe_wants_what_the_package_wants():
 @pytest.mark.parametrize("path", sorted((ROOT / ".github").rglob("*.yml")), ids=str)
 def test_files_of_the_repository_can_be_read(path):
     assert isinstance(yaml.safe_load(path.read_text()), dict)
-
-
-def test_publishing_needs_no_secret():
-    text = (ROOT / ".github/workflows/publish.yml").read_text()
-    assert "id-token: write" in text and "secrets." not in text
-
-
-def test_wheels_that_are_published_have_the_live_page():
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]
-    assert settings["cibuildwheel"]["environment"] == {"QPAVOID_WASM": "1"}
-    assert "QPAVOID_WASM" in (ROOT / ".ci/build_hook.py").read_text()
-
-
-def test_the_citation_says_whom_it_cites():
-    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())
-    assert str(cited["version"]) == PROJECT["version"]
-    for reference in cited["references"]:
-        assert reference["title"] and reference["authors"] and reference["type"]
-        unknown = {"name": "unknown to us"} in reference["authors"]
-        assert not unknown or "names neither authors" in reference["notes"]
 
 
 def test_the_paper_resolves_its_references_and_figures():

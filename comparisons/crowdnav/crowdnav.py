@@ -1,31 +1,26 @@
 """CrowdNav's test cases [Chen2019]: across a circle of people steered by ORCA.
 
-Case i of a phase has the people of the original's case i (``crowdnav_world.py``), and
-success, collision and timeout are its own, looked at every 0.25 s: within 0.3 m of the
-goal by 24 s, and never a disc of 0.3 m within 0.6 m of another, if people went on at
-the velocities that they had. The row ``orca-holonomic`` is the original's: a disc that
-moves any way it likes, steered by ORCA with its parameters.
+Case i of a phase has the people of the original's case i (``crowdnav_world.py``).
+Success, collision and timeout are its own, checked every 0.25 s: within 0.3 m of the
+goal by 24 s, and never a disc of 0.3 m within 0.6 m of another, if people kept the
+velocities of the tick before. The row ``orca-holonomic`` is the original's: a disc that
+moves in any direction, steered by ORCA with its parameters.
 
 All others drive a differential drive: |v| ≤ 1 m/s, |ω| ≤ π rad/s (the original's
-unicycle turns by at most π/4 in 0.25 s), no limits of acceleration, as there. It starts
-with heading π/2, as there, which is towards the goal. Its footprint fits into the disc:
-a regular dodecagon, or a rectangle of 0.5 by 0.33 m (``--robot cart``). Control steps
-are of 0.05 s. Where a tick of 0.25 s begins it sees the velocities that people had, and
-what they have from the next step on; with ``--set dt_s=0.25`` just what a policy there
-sees.
+unicycle turns by at most π/4 in 0.25 s), no limits of acceleration. It starts with
+heading π/2, towards the goal. Its footprint is a regular dodecagon in the disc. Control
+steps are of 0.05 s. At the beginning of a tick of 0.25 s it sees the previous
+velocities of people, from the next step on the present ones.
 
 Metrics: touched disc, touched footprint: share of runs in which either was, by people
 as they really moved; least: distance of the discs, m; discomfort: share of the ticks
 nearer than 0.2 m.
 
     python comparisons/crowdnav/crowdnav.py --people 5,10 --out out/crowdnav
-    python comparisons/crowdnav/crowdnav.py --phase val --set robot.v_min_mps=0
 """
 
 import argparse
-import json
 import os
-import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
@@ -38,8 +33,8 @@ from typing import Any
 
 import numpy as np
 
-from crowdnav_cases import ROBOTS, Crowd, make_scene
-from crowdnav_robots import FEET, Driven, Holonomic
+from crowdnav_cases import Crowd
+from crowdnav_robots import FEET, Driven, Holonomic, Row
 from crowdnav_world import (
     CASES,
     FIRST_SEED,
@@ -50,14 +45,12 @@ from crowdnav_world import (
     judge_tick,
     true_gap,
 )
+from qpavoid.errors import QPAvoidError
 from qpavoid.lab.simulation.methods import check_methods
 from qpavoid.lab.simulation.outcome import CRAWL, PROGRESS, STALLED
 from qpavoid.lab.study.statistics import wilson
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.types import Array
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # for studies.py
-from studies import Row, main_of, make_parser, table_row
 
 HOLONOMIC = "orca-holonomic"
 METHODS = f"{HOLONOMIC},alone,eq5,eq7,qp,qp-ahead,qp-ahead+guide,orca,mppi"
@@ -81,12 +74,12 @@ def run_case(method: str, crowd: Crowd, case: int) -> Row:
 
 
 def episode(method: str, crowd: Crowd, case: int) -> Row:
-    """Return what became of a case."""
+    """Return the outcome of a case."""
     people = crowd.meet(case)
     robot = Holonomic(crowd) if method == HOLONOMIC else Driven(method, crowd)
-    ends, ticks, gaps = [START, START], [], []
+    ends, ticks, gaps = [START], [], []
     for k in range(TICKS):
-        people.decide(ends[-1], (ends[-1] - ends[-2]) / TICK)
+        people.decide()
         way = robot.drive(k * TICK, people)
         ticks.append(judge_tick(people, way[0], way[-1]))
         gaps.append(true_gap(people, way))
@@ -103,15 +96,15 @@ def episode(method: str, crowd: Crowd, case: int) -> Row:
         fmean(tick.event == "near" for tick in ticks),
     )
     metrics = (f"metric_{name}" for name in METRICS)
-    found = judged(ticks, np.array(ends[1:])) | feet
+    found = judged(ticks, np.array(ends)) | feet
     return found | dict(zip(metrics, numbers, strict=True))
 
 
 def judged(ticks: Sequence[Tick], ends: Array) -> Row:
-    """Return what became of an episode, by the original's rule.
+    """Return the outcome of an episode by the original's rule.
 
     Args:
-        ticks: What it says of each.
+        ticks: Results of all ticks.
         ends: (n + 1, 2) m, the robot's places from the beginning on.
     """
     event = ticks[-1].event
@@ -129,15 +122,21 @@ def judged(ticks: Sequence[Tick], ends: Array) -> Row:
 
 
 def summary(rows: Sequence[Row]) -> Row:
-    """Return the line of a method: the table's, and Wilson's intervals.
+    """Return the line of a method: counts, mean time, metrics and Wilson's intervals.
 
-    These are of the runs that did not fail.
+    Runs that failed are only counted.
     """
-    line = table_row(rows[0]["method"], rows[0]["setting"], rows)
+    line: Row = {"method": rows[0]["method"], "setting": rows[0]["setting"]}
+    line |= {"runs": len(rows), "failed": sum(bool(row["error"]) for row in rows)}
     rows = [row for row in rows if not row["error"]]
+    if not rows:
+        return line
+    times = [row["arrived_s"] for row in rows if row["success"]]
+    line["mean_time_s"] = round(fmean(times), 2) if times else ""
+    for name in METRICS:
+        values = [x for row in rows if (x := row[f"metric_{name}"]) is not None]
+        line[f"metric_{name}"] = round(fmean(values), 4) if values else ""
     for name, key in (("success", "success"), ("collision", "contact")):
-        if not rows:
-            break
         bounds = wilson(sum(row[key] for row in rows), len(rows))
         names = (name, f"{name}_low", f"{name}_high")
         line |= dict(zip(names, (round(x, 4) for x in bounds), strict=True))
@@ -151,10 +150,7 @@ def study(options: argparse.Namespace) -> list[Row]:
     """
     methods = options.methods.split(",")
     check_methods(name for name in methods if name != HOLONOMIC)
-    changes = json.dumps(dict(options.set))
-    make_scene(options.robot, changes)
-    more = options.seeing, options.rule, options.robot, changes
-    crowds = [Crowd(options.phase, people, *more) for people in options.people]
+    crowds = [Crowd(options.phase, people) for people in options.people]
     for crowd in crowds:  # is there room for so many?
         crowd.meet(options.seed)
     cases = range(options.seed, options.seed + options.count)
@@ -184,30 +180,28 @@ def counts(text: str) -> list[int]:
     return found
 
 
-def setting(text: str) -> tuple[str, Any]:
-    """Return key and value of ``KEY=VALUE``, the value as JSON."""
-    key, _, value = text.partition("=")
-    return key, json.loads(value)
-
-
 def main() -> None:
-    parser = make_parser(__doc__, METHODS, "out/crowdnav")
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    add = parser.add_argument
+    add("--methods", default=METHODS, metavar="A,B,…")
+    add("--seed", type=int, default=0, metavar="S", help="first case")
+    add("--out", type=Path, default=Path("out/crowdnav"), metavar="DIR")
+    add("--workers", type=int, default=os.cpu_count() or 1, metavar="N")
     parser.add_argument("--phase", choices=FIRST_SEED, default="test")
     parser.add_argument("--count", type=int, metavar="N", help="all if not given")
     parser.add_argument("--people", type=counts, default=[5], metavar="N,M,…")
-    parser.add_argument("--seeing", action="store_true", help="people see the robot")
-    parser.add_argument("--rule", choices=("circle", "square"), default="circle")
-    parser.add_argument("--robot", choices=ROBOTS, default="round")
-    add = parser.add_argument
-    add("--set", type=setting, action="append", default=[], metavar="KEY=VALUE")
     options = parser.parse_args()
     if options.count is None:
         options.count = min(CASES[options.phase], CASES["test"]) - options.seed
     last = options.seed + options.count
     if not 0 <= options.seed < last <= CASES[options.phase]:
         parser.error(f"{options.phase} has the cases 0 to {CASES[options.phase] - 1}")
-    options.workers = options.workers or os.cpu_count() or 1
-    main_of(lambda: study(options), parser)
+    try:
+        rows = study(options)
+    except QPAvoidError as error:
+        parser.error(str(error))
+    if failed := sum(bool(row["error"]) for row in rows):
+        parser.exit(1, f"{failed} of {len(rows)} runs failed\n")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What drives in CrowdNav's cases: any method, or the original's disc by ORCA."""
+"""Robots in CrowdNav's cases: any method, or the original's disc with ORCA."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -27,7 +27,7 @@ FEET = (
 
 @dataclass
 class Shown:
-    """A sensor: the discs where they are, at the velocities that it is told.
+    """Sensor of all discs, with given velocities.
 
     Attributes:
         velocities: (n, 2) m/s.
@@ -47,8 +47,7 @@ class Driven:
 
     def __init__(self, method: str, crowd: Crowd) -> None:
         self._shown = Shown(np.zeros((crowd.people, 2)))
-        scene = make_scene(crowd.robot, crowd.changes)
-        scene = replace(scene, sensor=self._shown)
+        scene = replace(make_scene(), sensor=self._shown)
         self._simulation = Simulation(scene, method)
         self._discs = np.full((crowd.people, 3), RADIUS)
         self._dt = scene.dt

@@ -1,12 +1,13 @@
-"""CrowdNav's people and rules [Chen2019], written anew from what its sources do.
+"""CrowdNav's people and rules [Chen2019], reimplemented after its sources.
 
 GitHub repository vita-epfl/CrowdNav (MIT), ``crowd_sim``: people of radius 0.3 m who
-want 1 m/s cross a circle of 4 m, or a square, each steered by its own ORCA, a decision
-every 0.25 s. The robot, another disc of 0.3 m, goes from (0, −4) to (0, 4) m. Unseen,
-it is known to nobody, and all evasion is its own. All arrays are of the world frame.
+prefer 1 m/s cross a circle of 4 m, each steered by its own ORCA, a decision every
+0.25 s. The robot, another disc of 0.3 m, drives from (0, −4) to (0, 4) m. People do not
+see it. All arrays are in the world frame.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -16,17 +17,17 @@ from qpavoid.lab.baselines.orca import library
 from qpavoid.types import Array
 
 TICK = 0.25
-"""s; everybody keeps a velocity for so long."""
+"""Time between two decisions, s."""
 
 TICKS = 96
 """Ticks that count: what has not arrived by 24 s, ``time_limit`` less 1, is late."""
 
 RADIUS, SPEED, DISCOMFORT = 0.3, 1.0, 0.2
-"""m of everybody; m/s that everybody wants; m between discs that is too near."""
+"""Radius of everybody, m; preferred speed, m/s; uncomfortable distance, m."""
 
 START, GOAL = np.array([0.0, -4.0]), np.array([0.0, 4.0])
-CIRCLE, SQUARE = 4.0, 10.0
-"""m; radius of the circle, side of the square."""
+CIRCLE = 4.0
+"""Radius of the circle, m."""
 
 FIRST_SEED = {"test": 1000, "val": 0, "train": 2000}
 CASES = {"test": 500, "val": 100, "train": 2**32 - 2001}
@@ -44,45 +45,28 @@ WIDER = 0.01
 Draw = Callable[[], float]
 
 
-def draw_people(seed: int, count: int, rule: str = "circle") -> tuple[Array, Array]:
-    """Return where people start and want to go, each (count, 2) m.
+def draw_people(seed: int, count: int) -> tuple[Array, Array]:
+    """Return starts near the circle and the opposite goals, each (count, 2) m.
 
     Args:
         seed: Of NumPy's legacy generator, which CrowdNav seeds for every case.
-        count: How many.
-        rule: ``circle``: from a place near the circle to the opposite one; ``square``:
-            from one half of the square to the other.
+        count: Number of people.
 
     Raises:
         ConfigError: There is no room for so many.
     """
     draw = np.random.RandomState(seed).random_sample
-    person = {"circle": _across_circle, "square": _across_square}[rule]
-    starts, goals = START[None], GOAL[None]
+    ends = np.array([START, GOAL])
     for _ in range(count):
-        start, goal = person(draw, starts, goals)
-        starts, goals = np.vstack([starts, start]), np.vstack([goals, goal])
-    return starts[1:], goals[1:]
+        start = _free(partial(_near_circle, draw), ends)
+        ends = np.vstack([ends, start, -start])
+    return ends[2::2], ends[3::2]
 
 
-def _across_circle(draw: Draw, starts: Array, goals: Array) -> tuple[Array, Array]:
-    def place() -> Array:
-        angle = draw() * np.pi * 2
-        noise = [(draw() - 0.5) * SPEED, (draw() - 0.5) * SPEED]
-        return CIRCLE * np.array([np.cos(angle), np.sin(angle)]) + noise
-
-    start = _free(place, np.vstack([starts, goals]))
-    return start, -start
-
-
-def _across_square(draw: Draw, starts: Array, goals: Array) -> tuple[Array, Array]:
-    side = -1.0 if draw() > 0.5 else 1.0
-
-    def place() -> Array:
-        return SQUARE * np.array([draw() * 0.5 * side, draw() - 0.5])
-
-    start, side = _free(place, starts), -side
-    return start, _free(place, goals)
+def _near_circle(draw: Draw) -> Array:
+    angle = draw() * np.pi * 2
+    noise = [(draw() - 0.5) * SPEED, (draw() - 0.5) * SPEED]
+    return CIRCLE * np.array([np.cos(angle), np.sin(angle)]) + noise
 
 
 def _free(place: Callable[[], Array], taken: Array) -> Array:
@@ -97,8 +81,8 @@ def _free(place: Callable[[], Array], taken: Array) -> Array:
 class Orca:
     """CrowdNav's policy ``orca`` of one disc, by the RVO2 library.
 
-    The disc wants 1 m/s towards its goal, less within the last metre, and never ceases
-    to want it. Of the others it knows places and velocities, not where they want to go.
+    The disc prefers 1 m/s towards its goal, less within the last metre. It knows the
+    places and velocities of the others, not their goals.
 
     Args:
         others: How many.
@@ -145,32 +129,19 @@ class People:
     Args:
         starts: (n, 2) m.
         goals: (n, 2) m.
-        seeing: Whether they see the robot.
     """
 
-    def __init__(self, starts: Array, goals: Array, seeing: bool = False) -> None:
-        self.places, self.goals, self.seeing = starts, goals, seeing
+    def __init__(self, starts: Array, goals: Array) -> None:
+        self.places, self.goals = starts, goals
         self.before = self.velocities = np.zeros_like(starts)
-        others = len(starts) - 1 + seeing
-        self._minds = [Orca(others) for _ in starts]
+        self._minds = [Orca(len(starts) - 1) for _ in starts]
 
-    def decide(self, place: Array, velocity: Array) -> None:
-        """Choose all velocities of the tick, from what is at its beginning.
-
-        Args:
-            place: (2,) m, of the robot.
-            velocity: (2,) m/s, its own of the tick before.
-        """
-        everybody, moving = self.places, self.before
-        if self.seeing:
-            everybody, moving = (
-                np.vstack([everybody, place]),
-                np.vstack([moving, velocity]),
-            )
+    def decide(self) -> None:
+        """Choose all velocities of the tick."""
         chosen = []
         for i, mind in enumerate(self._minds):
-            order = [i, *(j for j in range(len(everybody)) if j != i)]
-            chosen.append(mind(everybody[order], moving[order], self.goals[i]))
+            order = [i, *(j for j in range(len(self.places)) if j != i)]
+            chosen.append(mind(self.places[order], self.before[order], self.goals[i]))
         self.velocities = np.array(chosen)
 
     def at(self, time: float) -> Array:
@@ -183,11 +154,11 @@ class People:
 
 
 class Tick(NamedTuple):
-    """What CrowdNav says of a tick.
+    """Result of a tick by CrowdNav's rule.
 
     Attributes:
         event: ``touched``, ``arrived``, ``near``, or nothing.
-        gap: m between robot and nearest disc, as it reckons it.
+        gap: Distance of the nearest disc by that rule, m.
     """
 
     event: str
@@ -195,10 +166,10 @@ class Tick(NamedTuple):
 
 
 def judge_tick(people: People, begin: Array, end: Array) -> Tick:
-    """Return what CrowdNav says of a tick, whose robot went from ``begin`` to ``end``.
+    """Return the result of a tick in which the robot moves from ``begin`` to ``end``.
 
-    Its rule lets people go on at their velocities of the tick *before*: touched is a
-    disc below 0 m, near below 0.2 m. Arrived is who ends within 0.3 m of the goal.
+    By this rule people keep the velocities of the tick *before*: touched is a disc
+    below 0 m, near below 0.2 m. Arrived: the robot ends within 0.3 m of the goal.
     """
     offset = people.places - begin
     moved = TICK * people.before - (end - begin)

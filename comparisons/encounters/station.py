@@ -1,8 +1,8 @@
-"""A robot parked at a bench lets people pass, and returns: who is touched.
+"""A robot parked at a bench lets people pass and returns: number of contacts.
 
 Three people walk past its place one after the other, straight on, at 0.5 to 1.5 m/s;
 they never yield. The guide knows their places and velocities. A robot that does nothing
-stands in the way of the same people.
+meets the same people.
 
 Run: python comparisons/encounters/station.py [--scenes 120] [--film film.gif]
 """
@@ -67,7 +67,7 @@ class Person:
 
 
 def people_of(seed: int) -> list[Person]:
-    """Return the people of a scene, who come some 8 s after one another."""
+    """Return the people of a scene, about 8 s apart."""
     rng = np.random.default_rng(seed)
     return [Person(rng, 8.0 + 8.0 * k + rng.uniform(-2.0, 2.0)) for k in range(3)]
 
@@ -84,7 +84,7 @@ def seen(people: Sequence[Person], time: float) -> Obstacles:
 
 
 def drive(people: Sequence[Person], guided: bool) -> tuple[list[Pose], list[bool]]:
-    """Return the poses, one a control step, and who of the people is touched."""
+    """Return the pose at each control step, and whether each person is touched."""
     guide, poses, touched = Guide(ROBOT, SETTINGS), [STATION], [False] * len(people)
     guide.stay(STATION)
     for k in range(round(SECONDS / SETTINGS.dt)):
@@ -99,7 +99,7 @@ def drive(people: Sequence[Person], guided: bool) -> tuple[list[Pose], list[bool
 
 
 def row(seed: int) -> dict[str, float]:
-    """Return who of a scene is touched, also by a robot at rest, and the error left."""
+    """Return the contacts of a scene, those of a robot at rest, and the final error."""
     people = people_of(seed)
     poses, touched = drive(people, True)
     x, y, heading = poses[-1]
@@ -115,7 +115,7 @@ def row(seed: int) -> dict[str, float]:
 
 
 def study(scenes: int, path: Path) -> None:
-    """Write a row a scene, and print their sums."""
+    """Write a row per scene, and print their sums."""
     rows = [row(seed) for seed in range(scenes)]
     with path.open("w", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")

@@ -1,7 +1,7 @@
-"""Where a filter fails: a dead end. It stands there for ever, safe and useless.
+"""A failure of the filter alone: it stops in a dead end and stays there.
 
-A nearest safe twist knows no way round. Seen alone, nothing is wrong: the status is
-``filtered``, r_min is kept. The guide knows that it does not get on, and is led out.
+The nearest safe twist leads to no way out. Status (``filtered``) and r_min are in
+order. The guide detects that it makes no progress and plans a path out.
 
 Run: python comparisons/examples/dead_end.py [dead_end.png]
 """

@@ -1,6 +1,6 @@
-"""A control loop of one's own: ranges in, twist out, without any of the laboratory.
+"""A control loop without the laboratory: ranges in, twist out.
 
-A robot drives through a ring of posts that it knows by 360 beams alone.
+A robot drives among posts that it senses with 360 beams.
 
 Run: python comparisons/examples/lidar_loop.py [lidar_loop.png]
 """
@@ -30,7 +30,7 @@ def scan(x, y, heading):
 
 
 def drive():
-    """Return the poses, and the least clearance that the filter told."""
+    """Return the poses, and the least clearance of all decisions."""
     settings = qp.AvoidanceSettings(dt=DT, margins=qp.Margins(error=0.01))
     safety = qp.SafetyFilter(qp.Robot.jackal(), settings)
     pose, poses, least = np.zeros(3), [], math.inf
@@ -40,11 +40,11 @@ def drive():
         xy = ranges[hit, None] * np.stack([np.cos(BEARINGS), np.sin(BEARINGS)], 1)[hit]
         bearing = math.atan2(*(GOAL - pose[:2])[::-1]) - pose[2]
         turn = 2.0 * math.atan2(math.sin(bearing), math.cos(bearing))
-        told = safety.filter(0.8, turn, points=xy)
+        safe = safety.filter(0.8, turn, points=xy)
         poses.append(pose.copy())
-        least = min(least, told.clearance)
+        least = min(least, safe.clearance)
         pose += DT * np.array(
-            [told.v * math.cos(pose[2]), told.v * math.sin(pose[2]), told.omega]
+            [safe.v * math.cos(pose[2]), safe.v * math.sin(pose[2]), safe.omega]
         )
     return np.array(poses), least
 

@@ -1,4 +1,4 @@
-"""A method of one's own beside ours: slow down near things, by fifteen lines.
+"""A user's method of fifteen lines beside ours: slow down near obstacles.
 
 Run: python comparisons/examples/own_method.py [own_method.png]
 """
@@ -12,7 +12,7 @@ SLOW, STOP = 1.5, 0.25  # m
 
 
 class Careful:
-    """Drives slower the nearer anything is, and stands within 0.25 m."""
+    """Speed proportional to the distance of the nearest obstacle; 0 below 0.25 m."""
 
     def __init__(self, robot, settings):
         self.robot = robot

@@ -1,7 +1,7 @@
-"""A parked robot is passed by somebody: who steps aside, and who is touched.
+"""A person passes a parked robot: one-step laws are touched, the look-ahead is not.
 
-The one-step laws see a point beside the axle too late, or not at all; the look-ahead
-filter leaves its way, and the station law brings it back.
+The one-step laws react too late to a point beside the axle, or not at all. The
+look-ahead filter drives away in time, and the station law brings it back.
 
 Run: python comparisons/examples/parked.py [parked.png]
 """

@@ -1,9 +1,9 @@
 """A Jackal drives at a wall over a wet floor, and brakes too late or in time.
 
-The floor has a friction of 0.1, so that from 1.5 m/s nothing stops it within 1.15 m. A
-filter that believes it can brake at will hits the wall; one that is told 80 % of what
-the floor gives does not. With ``ramps`` it trusts in braking alone; without, it plans a
-turn that wet wheels do not make, unless it is told 2 rad/s², too.
+The floor has a friction of 0.1: from 1.5 m/s the robot cannot stop within 1.15 m. A
+filter without limits of acceleration hits the wall; with 80 % of the floor's limit it
+does not. With ``ramps`` it relies on braking alone; without, it plans a turn that wet
+wheels cannot drive, unless the angular acceleration is limited to 2 rad/s², too.
 
 Run: python comparisons/examples/slippery_floor.py [slippery_floor.png]
 """
@@ -31,29 +31,29 @@ SCENE = {
 WET = Patch((4.5, 0.0), (4.0, 6.0), friction=FRICTION)
 
 
-def drive(told):
-    """Return the log with what the filter is told."""
-    scenario = make_scenario(SCENE | told, "wet", Path("wet.toml"))
+def drive(settings):
+    """Return the log of a run with some settings of robot and actuators."""
+    scenario = make_scenario(SCENE | settings, "wet", Path("wet.toml"))
     plant = Physics("skid-steer", delay=0.02, lag=0.05, patches=(WET,))
     return qp.run(replace(scenario, plant=plant), "qp-ahead")
 
 
-def least_clearance(told):
-    """Return how near the wall it comes, m."""
-    return float(drive(told)["least_clearance_m"].min())
+def least_clearance(settings):
+    """Return the least clearance of the wall, m."""
+    return float(drive(settings)["least_clearance_m"].min())
 
 
-TOLD = {
+LIMITED = {
     "robot": SCENE["robot"] | {"acceleration_mps2": 0.8 * FRICTION * GRAVITY},
     "actuation": {"delay_s": 0.08, "ramps": True},
 }
 
 if __name__ == "__main__":
     try:
-        logs = {"told nothing": drive({}), "told of the floor": drive(TOLD)}
+        logs = {"given nothing": drive({}), "given the floor": drive(LIMITED)}
     except qp.MissingExtraError as error:
         sys.exit(str(error))
     for what, log in logs.items():
         print(f"{what}: least clearance {log['least_clearance_m'].min():.3f} m")
     name = sys.argv[1] if sys.argv[1:] else "slippery_floor.png"
-    distance([logs["told nothing"]]).savefig(name, dpi=120)
+    distance([logs["given nothing"]]).savefig(name, dpi=120)

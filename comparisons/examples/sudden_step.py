@@ -1,8 +1,8 @@
-"""Where the method fails: somebody stands beside the way, and steps in front of it.
+"""A failure: a standing person steps in front of the passing robot.
 
-What stands is believed to stay where it is. Who sets off at walking pace when the robot
-passes is touched. Room helps: with an r_min of 0.8 m it is far enough off, and would
-not get through a door.
+The filter assumes that static obstacles stay. A person who starts walking when the
+robot passes is touched. A greater r_min of 0.8 m avoids that, but would not pass a
+door.
 
 Run: python comparisons/examples/sudden_step.py [sudden_step.png]
 """

@@ -1,4 +1,4 @@
-"""Robots of a fleet swap places; each sees the others as polygons under way.
+"""Robots of a fleet swap places; each sees the others as moving polygons.
 
 Run: python comparisons/examples/swap.py [swap.png]
 """

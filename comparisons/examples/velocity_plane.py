@@ -1,4 +1,4 @@
-"""The QP as a picture: rows, limits, desired twist and answer in the (v, ω) plane.
+"""Figure of the QP: rows, limits, desired twist and answer in the (v, ω) plane.
 
 Run: python comparisons/examples/velocity_plane.py [velocity_plane.png]
 """

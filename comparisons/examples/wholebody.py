@@ -17,7 +17,7 @@ from qpavoid.model.contacts import contact_table, empty_contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, twist_box
 from qpavoid.model.validation import finite_rows
-from qpavoid.qp.exact import A_OMEGA, A_V, WIDTH, B
+from qpavoid.qp.exact import A_OMEGA, A_V, ROW_WIDTH, B
 from qpavoid.types import Array
 
 Frame: TypeAlias = tuple[str, ...]
@@ -44,7 +44,7 @@ class FootprintLimit:
     """Rows d̂ᵀ J_0 (v, ω) ≥ −γ(d − r_min) + d̂ᵀ v_o of the base, and its limits.
 
     Attributes:
-        obstacles: World frame; set them anew as they move.
+        obstacles: World frame; update them as they move.
         driven: (v, ω) last driven, m/s and rad/s: accelerations count from there.
     """
 
@@ -65,7 +65,7 @@ class FootprintLimit:
         reach = row_reach(*self._known, arrays[1], 0.0)
         box = twist_box(robot, *finite_rows([(*self.driven, dt)], 3, "driven")[0])
         n, _ = contact_table(self._edges, robot[-1], arrays, reach, contacts)
-        rows = np.zeros((n + 4, WIDTH))
+        rows = np.zeros((n + 4, ROW_WIDTH))
         m = constraint_rows(contacts[:n], *self._known, box, 0.0, False, rows)
         m += wheel_rows(robot, rows[m:])
         G, h = np.zeros((m + 6, 3)), np.zeros(m + 6)
@@ -80,7 +80,7 @@ class SpheresLimit:
     γ is ``gamma`` (1/s), d_min ``keep`` (m); beyond ``reach`` (m) there are none.
 
     Attributes:
-        balls: (k, 4) x, y, z, radius of the world's spheres, m; set them anew.
+        balls: (k, 4) x, y, z, radius of the world's spheres, m; update them.
         velocities: Theirs (k, 3), m/s, or one for all.
     """
 

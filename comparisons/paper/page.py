@@ -5,15 +5,13 @@ python comparisons/paper/page.py
 
 import csv
 import sys
-from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from rows import ENDS, RESULTS, Ranking, chosen, read_cells
-from tables import filled, number, paired, summarise, written
+from rows import ENDS, RESULTS, read_cells
+from tables import filled, written
 
 PAGE = Path(__file__).resolve().parent / "README.md"
-LAWS = {"eq5": "Eq. 5", "eq7": "Eq. 7"}
 
 
 def statements() -> str:
@@ -48,37 +46,6 @@ def ended(cell: str) -> str:
     return short.get(head, ENDS[head]) if head in ENDS else f"{head} s"
 
 
-def outlook() -> str:
-    """Return success, contacts and times of the laws with what the paper proposes."""
-    return written(
-        ["law", "variant", "success of 60", "p", "contacts", "time / plain", "p"],
-        outlook_lines(),
-        2,
-    )
-
-
-def outlook_lines() -> Iterator[list[str]]:
-    """Yield a row for each law and variant; p is of the paired test by itself."""
-    for law, title in LAWS.items():
-        ranking = Ranking("outlook", title, "outlook", f"^{title}$")
-        runs = chosen(ranking)
-        for name, some in runs.items():
-            row, plain = summarise(ranking, some, runs[law]), runs[law]
-            tests = [paired(ranking, k, some, plain)[1] for k in ("success", "time")]
-            p = [f"{x:.3f}" if x >= 0.001 else "< 0.001" for x in tests]
-            p = ["–", "–"] if name == law else p
-            won = sum(not run.end for run in some.values())
-            ratio = number(row.ratio, ".2f")
-            variant = name.removeprefix(law).strip() or "plain"
-            yield [title, variant, str(won), p[0], str(row.contacts), ratio, p[1]]
-
-
-TABLES: Mapping[str, Callable[[], str]] = {
-    "statements": statements,
-    "cases": cases,
-    "outlook": outlook,
-}
-
 if __name__ == "__main__":
-    text = filled(PAGE.read_text(encoding="utf-8"), TABLES)
-    PAGE.write_text(text, encoding="utf-8")
+    tables = {"statements": statements, "cases": cases}
+    PAGE.write_text(filled(PAGE.read_text("utf-8"), tables), encoding="utf-8")

@@ -1,1 +1,1 @@
-"""What makes the page of reliability: each module gathers the data of a section."""
+"""Studies of reliability: each module measures the rows of a table of the page."""

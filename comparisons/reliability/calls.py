@@ -1,10 +1,10 @@
-"""Hostile calls of ``SafetyFilter.step``, and what its answers are.
+"""Hostile calls of ``SafetyFilter.step``, and their answers.
 
-Wrong kinds, shapes and counts; NaN, infinities, numbers huge, tiny and denormal; masked
-arrays, text, dates, generators; objects that raise or leave when they are asked for
-numbers; stamps, ages and twists driven of any sort, and between them calls that are as
-they should be. Counted are exceptions, answers that are not finite or beyond what the
-robot can do, the greatest time of a call on the processor, and the memory that stays.
+Arguments of wrong kinds, shapes and counts; NaN, infinities, huge, tiny and denormal
+numbers; masked arrays, text, dates, generators; objects that raise or exit when they
+are converted; stamps, ages and driven twists of any kind; and valid calls between them.
+The table counts exceptions, answers that are not finite or beyond the robot's limits,
+the greatest processor time of a call, and the growth of memory.
 
     python comparisons/reliability/calls.py --solver exact --count 1000000
 """
@@ -66,7 +66,7 @@ FILTERS: dict[str, tuple[Robot, AvoidanceSettings, Call]] = {
     "late": (replace(MIR, limits=LIMITED), LATE, {}),
     "endless": (replace(MIR, limits=ENDLESS), AvoidanceSettings(), {}),
 }
-"""Robot, settings, and how the filter is made."""
+"""Robot, settings, and further arguments of the filter."""
 
 NUMBERS = (
     *(0.0, -0.0, 5e-324, -1e-310, 1e-160, 1e-9, 1e3, -1e9, 1e16, -1e50, 9.9e99, 1e155),
@@ -76,11 +76,11 @@ MOST = 3000
 """Points of a call."""
 
 ROUNDING = 1e-9
-"""By which an answer may be beyond a limit, m/s and rad/s."""
+"""Tolerance of the limits, m/s and rad/s."""
 
 
 class Evil:
-    """Raises, whatever it is asked for."""
+    """Object that raises in every conversion."""
 
     def __init__(self, error: BaseException) -> None:
         self.error = error
@@ -93,7 +93,7 @@ class Evil:
 
 
 class Array:
-    """Says that it is an array, of whatever it was made."""
+    """Object that converts itself to some array."""
 
     def __init__(self, value: Any) -> None:
         self.value = value
@@ -103,66 +103,38 @@ class Array:
 
 
 def odd_things(rng: np.random.Generator) -> list[Any]:
-    """Return things that are no numbers and no arrays, or hardly."""
+    """Return objects that are no valid numbers or arrays, or hardly."""
     ring: list[Any] = []
     ring.append(ring)
     some = rng.uniform(-2.0, 2.0, (4, 2))
+    errors = SystemExit(1), ValueError("no"), MemoryError(), OSError(), GeneratorExit()
     return [
         *(None, True, "fast", "0.5", b"1", 1j, 10**400, -(10**400), object(), ring, {}),
         *({"v": 1.0}, {1.0, 2.0}, date(2026, 1, 1), Decimal("0.3"), Fraction(1, 3)),
-        *(
-            np.float32(0.25),
-            np.float16(6e4),
-            np.int8(3),
-            np.datetime64("now"),
-            np.array(0.5),
-        ),
+        *(np.float32(0.25), np.float16(6e4), np.int8(3), np.datetime64("now")),
         *(np.ma.masked, np.ma.array(some, mask=some > 1.0), np.matrix(some), some.T),
         *(some[:, ::-1], some.astype(">f8"), some.astype("f2"), some.astype(complex)),
         *(some.astype("O"), some.astype("U8"), some.astype(np.longdouble), some > 0.0),
         *(np.zeros((0,)), np.zeros((3, 0)), np.zeros((0, 5)), np.zeros((2, 2, 2))),
         *(np.broadcast_to(0.5, (10**12, 2)), np.broadcast_to(0.5, (3, 10**12))),
         *([[1.0], [1.0, 2.0]], [["1", "2"]], [[None, 1.0]], [[10**400, 0]], [some]),
-        *(
-            (x for x in some),
-            iter(some),
-            count(),
-            repeat(some),
-            range(10**9),
-            lambda: 0.0,
-        ),
-        *(
-            Evil(SystemExit(1)),
-            Evil(ValueError("no")),
-            Evil(MemoryError()),
-            Evil(OSError()),
-        ),
-        *(Evil(GeneratorExit()), Evil(RecursionError()), [Evil(BaseException())]),
-        *(
-            Array(some),
-            Array("no"),
-            Array(None),
-            Array(np.zeros((2, 2), "V8")),
-            Array(some[0]),
-        ),
+        *((x for x in some), iter(some), count(), repeat(some), range(10**9)),
+        *(Evil(error) for error in (*errors, RecursionError())),
+        *(Array(value) for value in (some, "no", None, np.zeros((2, 2), "V8"))),
+        *(lambda: 0.0, np.array(0.5), Array(some[0]), [Evil(BaseException())]),
         *(Stamps, Stamps(0.0), Obstacles(some + 3.0), memoryview(some), bytearray(16)),
     ]
 
 
 def some_number(rng: np.random.Generator) -> float:
-    """Return a number that no robot meets, or hardly."""
+    """Return a number, mostly an extreme one."""
     return float(rng.choice(NUMBERS)) if rng.random() < 0.8 else float(rng.normal())
 
 
 def good_call(rng: np.random.Generator) -> Call:
-    """Return a call that is as it should be."""
-    size, n, m = (
-        rng.choice([1.0, 3.0]),
-        int(rng.integers(0, 30)),
-        int(rng.integers(0, 4)),
-    )
-    if rng.random() < 0.002:
-        n = MOST
+    """Return a valid call."""
+    size, n, m = rng.choice([1.0, 3.0]), int(rng.integers(30)), int(rng.integers(4))
+    n = MOST if rng.random() < 0.002 else n
     call: Call = {"v": float(rng.uniform(-1, 2)), "omega": float(rng.uniform(-2, 2))}
     call["points"] = rng.uniform(-size, size, (n, 2))
     if rng.random() < 0.5:
@@ -182,7 +154,7 @@ def good_call(rng: np.random.Generator) -> Call:
 
 
 def spoil(rng: np.random.Generator, call: Call, odd: list[Any]) -> None:
-    """Make one argument of a call wrong."""
+    """Replace one argument of a call by a wrong one."""
     names = [*call, "age", "driven", "stamps", "polygons", "discs"]
     name, how = str(rng.choice(names)), rng.integers(4)
     value = call.get(name)
@@ -205,7 +177,7 @@ def spoil(rng: np.random.Generator, call: Call, odd: list[Any]) -> None:
 
 
 def calls(seed: int) -> Iterator[Call]:
-    """Yield calls without end, two of three of them spoilt."""
+    """Yield calls without end, two of three of them with wrong arguments."""
     rng = np.random.default_rng(seed)
     while True:
         odd = odd_things(rng)
@@ -219,7 +191,7 @@ def calls(seed: int) -> Iterator[Call]:
 
 
 def beyond(robot: Robot, last: tuple[float, float], dt: float, answer: Any) -> float:
-    """Return by how much a twist is beyond limits and accelerations; NaN counts too."""
+    """Return the excess of a twist over limits and accelerations; NaN: infinite."""
     v_min, v_max, w_min, w_max, a, b, wheel, track, _ = robot.limit_vector
     v, omega = answer[:2]
     excess = [v_min - v, v - v_max, w_min - omega, omega - w_max]
@@ -231,7 +203,7 @@ def beyond(robot: Robot, last: tuple[float, float], dt: float, answer: Any) -> f
 def driven_before(
     safety: SafetyFilter, call: Call, status: Status
 ) -> tuple[float, float]:
-    """Return what a call says that is driven, if that is valid; else what was given."""
+    """Return the driven twist of a call, if valid; else the last answer."""
     last = safety._engine.state[0].item(), safety._engine.state[1].item()
     if call.get("driven") is None:
         return last
@@ -242,21 +214,21 @@ def driven_before(
 
 
 def resident() -> int:
-    """Return the memory of the process, bytes, less what the C library keeps free."""
+    """Return the resident memory of the process, bytes, without freed blocks."""
     gc.collect()
     getattr(CDLL(None), "malloc_trim", int)(0)
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
 
 
 class Tally:
-    """What was seen of the answers of a filter."""
+    """Counts of the answers of a filter."""
 
     def __init__(self) -> None:
         self.seen: Counter[str] = Counter()
         self.worst, self.worst_call = 0.0, ""
 
     def ask(self, safety: SafetyFilter, call: Call) -> None:
-        """Make a call and judge the answer."""
+        """Make a call and count its answer."""
         given = dict(call)
         robot, dt = safety.robot, safety.settings.dt
         lasts = {driven_before(safety, given, Status.INVALID)}
@@ -268,7 +240,7 @@ class Tally:
             self.seen[f"raised {type(error).__name__}"] += 1
             return
         took = thread_time() - started
-        if "stamps" in given:  # else it would await them, and drive no more
+        if "stamps" in given:  # later calls have none
             safety._watch = StepWatch(safety.freshness, dt)
         self.seen["calls"] += 1
         self.seen["invalid"] += answer.status is Status.INVALID
@@ -280,7 +252,7 @@ class Tally:
 
 
 def described(safety: SafetyFilter, call: Call, status: Status) -> str:
-    """Return in words what a call was."""
+    """Return a call in words."""
     parts = []
     for name in ("points", "discs", "walls", "polygons"):
         given = call.get(name)
@@ -298,11 +270,11 @@ def study(solver: str, total: int, seed: int = 0) -> Call:
         for robot, settings, how in FILTERS.values()
     ]
     started = perf_counter()
-    for safety in filters:  # what the most points want they keep
+    for safety in filters:  # allocates the largest workspace
         safety.step(0.0, 0.0, np.zeros((MOST, 2)))
     for i in range(total):
         if i == warm:
-            grown, tally.worst = resident(), 0.0  # what it does first it does once
+            grown, tally.worst = resident(), 0.0  # first calls compile and allocate
         tally.ask(filters[i % len(filters)], next(made))
     grown = resident() - grown
     seen = tally.seen

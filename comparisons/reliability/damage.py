@@ -1,27 +1,23 @@
-"""Every reader among damaged files: our own errors alone, in a second, in 500 MB.
+"""Damaged files of every kind, read in a process with limits of time and memory.
 
-A whole file of each kind is damaged at random: bits flipped, numbers made extreme,
-pieces cut, doubled, moved or nested; half of those with checksums get new ones, so that
-what lies behind is reached too. Each reader runs in a process that may not take more
-than 500 MB of addresses beyond what it had before; the time is that of the processor.
+A file of each kind is damaged at random: bits flipped, numbers made extreme, pieces
+cut or inserted. Each reader runs in a process that may allocate 500 MB. Errors of
+the package count as refused; other errors, and reads of more than a second of processor
+time, as foreign.
 
-    python -m reliability.damage COUNT [READER …]
+    python comparisons/reliability/damage.py COUNT [READER …]
 """
 
-import gzip
-import io
 import json
-import os
 import random
 import re
 import resource
+import shutil
 import signal
 import struct
 import subprocess
 import sys
 import time
-import zipfile
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -29,240 +25,206 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from qpavoid.errors import QPAvoidError
+from qpavoid.lab.simulation.config import builtin_configs, config_folder
+from qpavoid.lab.simulation.log import Log
+from qpavoid.lab.simulation.run import run
+from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.study.bags import BagWriter, bag_drive
+from qpavoid.lab.study.replay import read_parameters
+from qpavoid.lab.study.sweep.store import Store, read_rows, shards
+from qpavoid.lab.study.sweep.study import read_study
+from qpavoid.lab.worlds import barn, crowd
+from qpavoid.lab.worlds.carmen import read_scans
+from qpavoid.lab.worlds.map_server import read_image, read_map
+from qpavoid.lab.worlds.points import read_points
 from reliability.data import add_row
 
 MOST_S, MOST_MB = 1.0, 500
-
-EXTREME = (
-    *(b"0", b"-1", b"1e999", b"-1e308", b"1e-308", b"nan", b"inf", b"1e9", b"1e12"),
-    *(b"1000000000", b"9223372036854775808", 5000 * b"9", b"0x" + 5000 * b"f", b"1.5"),
-    *(b'""', b"true", b"[]", b"{}", b"null", b'"x"', b"2020-01-01", b"1_0", b"0:1e18"),
+EXTREME = b'0 -1 1e999 -1e308 nan inf 1e12 9223372036854775808 1.5 "" true [] {} null'
+NUMBERS = (*EXTREME.split(), 5000 * b"9", b"0x" + 5000 * b"f")
+PIECES = (
+    *(3000 * b"[", 3000 * b'{"a":', 500 * b"a." + b"b = 1\n", b"\0", b"\xff\xfe"),
+    *(b"../" * 20 + b"etc/passwd", b"/dev/zero", b"&a [*a]", b"<!DOCTYPE", b'"', b"\n"),
+    *(100_000 * b"a", *(struct.pack("<Q", x) for x in (0, 2**31, 2**62, 2**64 - 1))),
 )
-"""What a number in a text becomes."""
-
-HOSTILE = (
-    *(3000 * b"[", 3000 * b"{", 500 * b"a." + b"b = 1\n", 3000 * b'{"a":', b"\0"),
-    *(b"\xff\xfe", b"../" * 20 + b"etc/passwd", b"/dev/zero", b"&a [*a]", b"<!DOCTYPE"),
-    *(b"\n", b'"', b"'''", b"#", b"\r", "é".encode("utf-16"), 100_000 * b"a"),
-)
-"""What is put into a text."""
-
-WORDS = [b"\0\0\0\0", b"\xff\xff\xff\xff", b"\x7f\xff\xff\xff", b"\xff\xff\xff\x7f"]
-WORDS += [struct.pack("<Q", x) for x in (0, 1, 2**31, 2**40, 2**62, 2**64 - 1)]
-WORDS += [struct.pack("<d", x) for x in (np.nan, np.inf, -1e308, 1e12)]
-"""What is put into bytes."""
-
-NUMBER = re.compile(rb"-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
 
-class Kind(NamedTuple):
-    """A kind of file.
-
-    Attributes:
-        make: Writes whole files into a folder; returns those that are damaged.
-        read: What is tried with a damaged one.
-        text: Whether it is damaged as a text too.
-        mend: Gives damaged content new checksums.
-    """
-
-    make: Callable[[Path], list[Path]]
-    read: Callable[[Path], Any]
-    text: bool = True
-    mend: Callable[[bytes, random.Random], bytes] | None = None
-
-
-def damaged(content: bytes, text: bool, rng: random.Random) -> bytes:
+def damaged(content: bytes, rng: random.Random) -> bytes:
     """Return content with one to four damages."""
     for _ in range(rng.choice((1, 1, 1, 2, 4))):
-        content = rng.choice((*ANY, *(TEXT if text else BINARY)))(content, rng)
+        content = rng.choice((flip, cut, insert, overwrite, renumber))(content, rng)
     return content
 
 
 def flip(content: bytes, rng: random.Random) -> bytes:
-    """Turn a bit over."""
-    if not content:
-        return content
-    found = bytearray(content)
+    """Flip a bit."""
+    found = bytearray(content or b"\0")
     found[rng.randrange(len(found))] ^= 1 << rng.randrange(8)
     return bytes(found)
 
 
 def cut(content: bytes, rng: random.Random) -> bytes:
-    """Leave out a piece, or all that follows."""
+    """Remove a piece, or all that follows."""
     low, high = sorted(rng.randrange(len(content) + 1) for _ in range(2))
     return content[:low] + (content[high:] if rng.random() < 0.7 else b"")
 
 
-def double(content: bytes, rng: random.Random) -> bytes:
-    """Repeat a piece somewhere."""
-    low = rng.randrange(len(content) + 1)
-    at, piece = rng.randrange(len(content) + 1), content[low : low + rng.randrange(500)]
-    return content[:at] + piece * rng.choice((1, 2, 50)) + content[at:]
+def insert(content: bytes, rng: random.Random) -> bytes:
+    """Insert a hostile piece, or a piece of the content."""
+    low, at = (rng.randrange(len(content) + 1) for _ in range(2))
+    own = content[low : low + rng.randrange(500)] * rng.choice((1, 2, 50))
+    return content[:at] + rng.choice((own, rng.choice(PIECES))) + content[at:]
 
 
 def overwrite(content: bytes, rng: random.Random) -> bytes:
-    """Put an extreme word over some bytes, mostly near the beginning or the end."""
-    word, size = rng.choice(WORDS), len(content)
+    """Overwrite eight bytes, mostly near the beginning or the end."""
+    size, word = len(content), rng.choice(PIECES)[:8]
     at = rng.choice((rng.randrange(size + 1), rng.randrange(200), size - 60))
     at = min(max(at, 0), size)
     return content[:at] + word + content[at + len(word) :]
 
 
 def renumber(content: bytes, rng: random.Random) -> bytes:
-    """Make a number an extreme one."""
-    found = [*NUMBER.finditer(content)]
+    """Replace a number by an extreme one."""
+    found = [*re.finditer(rb"-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?", content)]
     if not found:
         return content
     one = rng.choice(found)
-    return content[: one.start()] + rng.choice(EXTREME) + content[one.end() :]
+    return content[: one.start()] + rng.choice(NUMBERS) + content[one.end() :]
 
 
-def intrude(content: bytes, rng: random.Random) -> bytes:
-    """Put something hostile somewhere."""
-    at = rng.randrange(len(content) + 1)
-    return content[:at] + rng.choice(HOSTILE) + content[at:]
+# ------------------------------------------------------------------ files and readers
+PIXELS = np.random.default_rng(0).choice([0, 128, 254], (12, 20)).astype(np.uint8)
+TEXTS = {
+    "points.csv": "x,y\n1.5,-1.5\n1.6,-1.5\n",
+    "study.toml": 'title = "Small"\ncontrollers = ["eq5", "qp:osqp"]\nseeds = "0:8:2"\n'
+    '[settings]\n"radius.r_min_slow_m" = [0.05, 0.1]\n'
+    '[[scenarios]]\nconfig = "trap.toml"\n'
+    '[[generators]]\nkind = "forest"\nfamily = 2\nseeds = [1, 2]\n',
+    "map.yaml": "image: a.pgm\nresolution: 0.1\norigin: [-5.0, 5.0, 0.0]\nnegate: 0\n"
+    "occupied_thresh: 0.65\nfree_thresh: 0.25\n",
+    "w.world": '<sdf version="1.6"><world name="w"><model name="c"><pose>1 5 0 0 0 0'
+    "</pose><link><collision><geometry><cylinder><radius>0.075</radius><length>1"
+    "</length></cylinder></geometry></collision></link></model></world></sdf>\n",
+    "obsmat.txt": "\n".join(f"{6 * k} 1 {k} 0 0.5 0.1 0 0.2" for k in range(12)),
+    "a.log": "\n".join(
+        f"FLASER 180 {'2.0 ' * 180}{0.1 * k} 0 0 {0.1 * k} 0 0 {0.2 * k} host {0.2 * k}"
+        for k in range(4)
+    ),
+}
+"""Contents of text files by name."""
 
 
-def reorder(content: bytes, rng: random.Random) -> bytes:
-    """Leave out, repeat or move a line."""
-    lines = content.split(b"\n")
-    line = lines.pop(rng.randrange(len(lines)))
-    for _ in range(rng.choice((0, 1, 2))):
-        lines.insert(rng.randrange(len(lines) + 1), line)
-    return b"\n".join(lines)
+def write_files(folder: Path) -> None:
+    """Write a whole file of every kind."""
+    for name, content in TEXTS.items():
+        (folder / name).write_text(content)
+    (folder / "a.pgm").write_bytes(b"P5\n20 12\n255\n" + PIXELS.tobytes())
+    shutil.copy(builtin_configs()["demo/trap"], folder / "trap.toml")
+    shutil.copy(config_folder() / "ros" / "mir.yaml", folder)
+    run(load_scenario("demo/trap"), "alone").save(folder / "log.npz")
+    np.save(folder / "points.npy", np.ones((4, 2)))
+    row = {"run": "a" * 16, "scenario": "s", "seed": 3, "settings": "{}", "error": ""}
+    rows = [(row | {"run": f"{k:016}"}, None) for k in range(40)]
+    Store(folder / "sweep", TEXTS["study.toml"]).save(rows)
+    shards(folder / "sweep")[0].rename(folder / "sweep" / "runs" / "old.parquet")
+    with BagWriter(folder / "bag") as bag:
+        for k in range(10):
+            for topic, kind in BAG.items():
+                message = bag.stamped(kind, 1e9 + 0.1 * k, "base")
+                bag.write(topic, kind, 1e9 + 0.1 * k, message)
 
 
-def exchange(content: bytes, rng: random.Random) -> bytes:
-    """Put a word of the text in another's place."""
-    found = [*re.finditer(rb"[\w.\"-]+", content)]
-    if not found:
-        return content
-    one, other = rng.choice(found), rng.choice(found)
-    return content[: one.start()] + other[0] + content[one.end() :]
+BAG = {
+    "/scan": "sensor_msgs/msg/LaserScan",
+    "/odom": "nav_msgs/msg/Odometry",
+    "/cmd_vel": "geometry_msgs/msg/TwistStamped",
+}
 
 
-ANY = (flip, cut, double)
-BINARY = (flip, overwrite, overwrite)
-TEXT = (renumber, renumber, intrude, reorder, exchange)
+class Kind(NamedTuple):
+    """A file of :func:`write_files` and its reader."""
+
+    file: str
+    read: Callable[[Path], Any]
 
 
-def rezipped(content: bytes, rng: random.Random) -> bytes:
-    """Return an archive of the same parts, one of them damaged, all sums right."""
-    made = io.BytesIO()
-    with (
-        zipfile.ZipFile(io.BytesIO(content)) as parts,
-        zipfile.ZipFile(made, "w") as to,
-    ):
-        chosen = rng.choice(parts.namelist())
-        for name in parts.namelist():
-            part = parts.read(name)
-            to.writestr(name, damaged(part, False, rng) if name == chosen else part)
-    return made.getvalue()
-
-
-def rechunked(content: bytes, rng: random.Random) -> bytes:
-    """Return a PNG one of whose chunks is damaged, all sums right."""
-    found, at = [content[:8]], 8
-    hit = rng.randrange(4)
-    for k in range(100):
-        if at + 8 > len(content):
-            break
-        (size,) = struct.unpack(">I", content[at : at + 4])
-        kind, body = content[at + 4 : at + 8], content[at + 8 : at + 8 + size]
-        if k == hit:
-            body = damaged(body, False, rng)
-        sums = struct.pack(">I", zlib.crc32(kind + body))
-        found.append(struct.pack(">I", len(body)) + kind + body + sums)
-        at += 12 + size
-    return b"".join(found)
-
-
-def regzipped(content: bytes, rng: random.Random) -> bytes:
-    """Return a compressed text that is damaged before it is compressed."""
-    return gzip.compress(damaged(gzip.decompress(content), True, rng), 1)
-
-
-def spoiled(kind: Kind, content: bytes, rng: random.Random) -> bytes:
-    """Return damaged content of a kind."""
-    if kind.mend is not None and rng.random() < 0.5:
-        return kind.mend(content, rng)
-    return damaged(content, kind.text, rng)
+KINDS = {
+    "scenario": Kind("trap.toml", load_scenario),
+    "study": Kind("study.toml", read_study),
+    "log": Kind("log.npz", Log.load),
+    "npy": Kind("points.npy", read_points),
+    "csv": Kind("points.csv", read_points),
+    "parquet, old name": Kind(
+        "sweep/runs/old.parquet", lambda x: read_rows(x.parents[1])
+    ),
+    "map": Kind("map.yaml", read_map),
+    "parameters": Kind("mir.yaml", read_parameters),
+    "pgm": Kind("a.pgm", read_image),
+    "sdf": Kind("w.world", barn.read_world),
+    "carmen": Kind("a.log", lambda path: [*read_scans(path)]),
+    "obsmat": Kind("obsmat.txt", lambda path: crowd.read_tracks(path, 15.0)),
+    "bag, mcap": Kind("bag/bag.mcap", lambda path: bag_drive(path.parent, None, "")),
+}
 
 
 class Slow(BaseException):
-    """A reader took its second."""
+    """Raised in a reader after :data:`MOST_S` of processor time."""
 
 
-def _ring(*_: object) -> None:
+def ring(*_: object) -> None:
     raise Slow
 
 
-def fuzz(name: str, count: int, seed: int = 0) -> dict[str, Any]:
-    """Read so many damaged files of a kind in this process; return what came of it."""
-    from reliability.kinds import KINDS
+def pages(column: int) -> int:
+    """Return a number of ``/proc/self/statm``, bytes: 0 addresses, 1 resident."""
+    words = Path("/proc/self/statm").read_text().split()
+    return int(words[column]) * resource.getpagesize()
 
+
+def fuzz(name: str, count: int, seed: int = 0) -> dict[str, Any]:
+    """Return the counts of some damaged files of a kind, read in this process."""
     kind, rng = KINDS[name], random.Random(f"{name} {seed}")
-    found = {"reader": name, "mutations": count, "read": 0, "refused": 0}
-    foreign: list[str] = []
-    slowest = 0.0
+    found = {"reader": name, "mutations": count, "read": 0, "refused": 0, "foreign": 0}
+    errors, slowest = set[str](), 0.0
     with TemporaryDirectory() as folder:
-        files = kind.make(Path(folder))
-        whole = [file.read_bytes() for file in files]
-        for file in files:
-            kind.read(file)
-        before = _addresses()
-        most = before + MOST_MB * 2**20
+        write_files(Path(folder))
+        path = Path(folder) / kind.file
+        whole = path.read_bytes()
+        kind.read(path)
+        most, resident = pages(0) + MOST_MB * 2**20, pages(1)
         resource.setrlimit(resource.RLIMIT_AS, (most, most))
-        signal.signal(signal.SIGPROF, _ring)
-        grown = _resident()
+        signal.signal(signal.SIGPROF, ring)
         for _ in range(count):
-            k = rng.randrange(len(files))
-            files[k].write_bytes(spoiled(kind, whole[k], rng))
+            path.write_bytes(damaged(whole, rng))
             begun = time.process_time()
             signal.setitimer(signal.ITIMER_PROF, MOST_S)
             try:
-                kind.read(files[k])
+                kind.read(path)
                 found["read"] += 1
             except QPAvoidError as error:
-                found["refused"] += 1
-                str(error)
+                found["refused"] += len(str(error)) > 0
             except (Slow, Exception) as error:
-                foreign.append(f"{type(error).__name__}: {error}"[:200])
+                found["foreign"] += 1
+                errors.add(f"{type(error).__name__}: {error}"[:200])
             finally:
                 signal.setitimer(signal.ITIMER_PROF, 0.0)
             slowest = max(slowest, time.process_time() - begun)
-            files[k].write_bytes(whole[k])
-    return found | {
-        "foreign": len(foreign),
-        "worst_s": round(slowest, 3),
-        "most_mb": round((_resident() - grown) / 2**20),
-        "what": sorted(set(foreign))[:10],
-    }
-
-
-def _addresses() -> int:
-    """Return how much address space this process has, bytes."""
-    pages = int(Path("/proc/self/statm").read_text().split()[0])
-    return pages * resource.getpagesize()
-
-
-def _resident() -> int:
-    """Return the greatest memory that this process has held, bytes."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+        grown = round((pages(1) - resident) / 2**20)
+    more = {"worst_s": round(slowest, 3), "most_mb": grown, "what": sorted(errors)[:10]}
+    return found | more
 
 
 def fuzz_apart(name: str, count: int, seed: int = 0) -> dict[str, Any]:
-    """Do the same in a process of its own.
+    """Return the same from a process of its own.
 
     Raises:
         RuntimeError: It died, of a signal for example.
     """
-    command = [sys.executable, "-m", "reliability.damage", "--one", name]
-    where = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    done = subprocess.run(
-        [*command, str(count), str(seed)], capture_output=True, text=True, env=where
-    )
+    command = [sys.executable, __file__, "--one", name, str(count), str(seed)]
+    done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(f"{name}: exit {done.returncode}: {done.stderr[-500:]}")
     found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
@@ -270,17 +232,13 @@ def fuzz_apart(name: str, count: int, seed: int = 0) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Fuzz every reader, or some, and keep what came of it beside the page."""
-    from reliability.kinds import KINDS
-
     if sys.argv[1] == "--one":
-        name, count, seed = sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
-        print(json.dumps(fuzz(name, count, seed)))
+        print(json.dumps(fuzz(sys.argv[2], int(sys.argv[3]), int(sys.argv[4]))))
         return
     for name in sys.argv[2:] or KINDS:
         found = fuzz_apart(name, int(sys.argv[1]))
         print(found, flush=True)
-        found.pop("what")
+        del found["what"]
         add_row("files", "reader", found)
 
 

@@ -1,4 +1,4 @@
-"""The tables behind the page of reliability: one CSV file a section."""
+"""Tables of the page of reliability: a CSV file per section."""
 
 import csv
 from pathlib import Path
@@ -10,7 +10,7 @@ RESULTS = Path(__file__).resolve().parents[1] / "results" / "reliability"
 
 
 def rows_of(name: str, folder: Path = RESULTS) -> list[dict[str, str]]:
-    """Return the rows of a table; none, if there is no such file."""
+    """Return the rows of a table; without a file none."""
     path = folder / f"{name}.csv"
     if not path.exists():
         return []
@@ -19,6 +19,6 @@ def rows_of(name: str, folder: Path = RESULTS) -> list[dict[str, str]]:
 
 
 def add_row(name: str, key: str, row: dict[str, Any], folder: Path = RESULTS) -> None:
-    """Put a row into a table, in place of the one that has the same key."""
+    """Add a row to a table, in place of that with the same key."""
     kept = [r for r in rows_of(name, folder) if r[key] != str(row[key])]
     write_csv(folder / f"{name}.csv", [*kept, row])

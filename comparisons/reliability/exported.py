@@ -34,7 +34,7 @@ WARNINGS = tuple(
         "write-strings switch-default unreachable-code implicit-fallthrough"
     ).split()
 )
-"""Of gcc and clang; as MISRA asks, nothing is converted, hidden or left out unsaid."""
+"""Of gcc and clang; as MISRA asks, no implicit conversion or shadowing."""
 
 CLANG = sys.executable, "-m", "ziglang", "cc", "-target"
 TARGETS = "native", "arm-linux-gnueabihf"
@@ -58,7 +58,7 @@ def export(folder: str | Path, name: str, capacity: Capacity = CAPACITY) -> Path
 def fuzz(
     name: str, sanitizer: str, count: int, seed: int = 0, threads: int = 1
 ) -> dict[str, object]:
-    """Return what was seen of so many calls; a sanitizer that complains is an error.
+    """Return the counts of some calls; a finding of a sanitizer is an error.
 
     Args:
         name: One of :data:`reliability.calls.FILTERS`.
@@ -105,13 +105,13 @@ def fuzz(
 
 @dataclass(frozen=True)
 class Calls:
-    """Which function calls which, and what each leaves on the stack, bytes."""
+    """Call graph, and the stack frame of each function, bytes."""
 
     frames: dict[str, int]
     edges: tuple[tuple[str, str], ...]
 
     def deepest(self, root: str) -> int:
-        """Return the most bytes below a function; ValueError where one calls itself.
+        """Return the greatest stack of a function, bytes; ValueError: recursion.
 
         Functions of the C library count as nothing.
         """
@@ -133,7 +133,7 @@ class Calls:
 
 
 def call_graph(source: Path, *flags: str) -> Calls:
-    """Return what gcc says of the stack; ValueError where a frame has no bound."""
+    """Return gcc's call graph; ValueError where a frame has no bound."""
     command = ["gcc", "-std=c99", "-O2", *flags, "-fcallgraph-info=su,da", "-c"]
     folder = source.parent
     subprocess.run([*command, source.name, "-o", "stack.o"], cwd=folder, check=True)
@@ -148,7 +148,7 @@ def call_graph(source: Path, *flags: str) -> Calls:
 
 
 def warnings_of(compiler: Sequence[str], source: Path, *flags: str) -> list[str]:
-    """Return what a compiler warns of."""
+    """Return the warnings of a compiler."""
     command = [*compiler, "-std=c99", "-O2", *flags, "-c", str(source), "-o"]
     target = source.with_suffix(".o")
     done = subprocess.run([*command, str(target)], capture_output=True, text=True)
@@ -158,7 +158,7 @@ def warnings_of(compiler: Sequence[str], source: Path, *flags: str) -> list[str]
 
 
 def describe(name: str) -> dict[str, object]:
-    """Return the row of a filter's source: lines, stack, loops, warnings; wants zig."""
+    """Return the row of a filter's source: lines, stack, loops, warnings; needs zig."""
     with TemporaryDirectory() as folder:
         source = export(folder, name)
         text = source.read_text()

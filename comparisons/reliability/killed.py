@@ -1,6 +1,6 @@
-"""Sweeps that are killed, and bits of shards that turn over: what is left, what passes.
+"""Sweeps that are killed, and bits of their files that are flipped.
 
-python -m reliability.killed [KILLS]
+python comparisons/reliability/killed.py [KILLS]
 """
 
 import os
@@ -13,6 +13,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from qpavoid.errors import DataError
 from qpavoid.lab.study.sweep.job import CLOCK
 from qpavoid.lab.study.sweep.store import read_rows, shards
@@ -36,11 +37,11 @@ scenarios = [{ config = "past.toml" }]
 """
 
 AFTER = 2.0
-"""s after a kill in which all of its processes are to end."""
+"""Time after a kill in which all of its processes must end, s."""
 
 
 def killed(folder: Path, kills: int) -> dict[str, Any]:
-    """Kill a sweep so often; return who and what was left, and rows that differ."""
+    """Return what remains of a sweep that is killed, and rows that differ."""
     (folder / "past.toml").write_text(SCENE)
     (folder / "study.toml").write_text(STUDY)
     rng, left, parts = random.Random(0), 0, 0
@@ -70,7 +71,7 @@ def killed(folder: Path, kills: int) -> dict[str, Any]:
 
 
 def start(folder: Path, out: Path, mark: str) -> "subprocess.Popen[bytes]":
-    """Start the sweep; its processes can be told by a mark."""
+    """Start the sweep with a mark in the environment of its processes."""
     command = [sys.executable, "-m", "qpavoid", "sweep", str(folder / "study.toml")]
     return subprocess.Popen(
         [*command, "--out", str(out), "--workers", "2"],
@@ -81,7 +82,7 @@ def start(folder: Path, out: Path, mark: str) -> "subprocess.Popen[bytes]":
 
 
 def marked(mark: str) -> list[Path]:
-    """Return the processes that have a mark in their environment, and are alive."""
+    """Return the living processes with a mark in their environment."""
     found = []
     for path in Path("/proc").glob("[0-9]*/environ"):
         try:
@@ -93,7 +94,7 @@ def marked(mark: str) -> list[Path]:
 
 
 def bare(out: Path) -> dict[str, dict[str, Any]]:
-    """Return rows by run, without what the clock says."""
+    """Return rows by run, without times."""
     return {
         row["run"]: {k: v for k, v in row.items() if k not in CLOCK}
         for row in read_rows(out)
@@ -101,7 +102,7 @@ def bare(out: Path) -> dict[str, dict[str, Any]]:
 
 
 def unnoticed(folder: Path, count: int) -> tuple[int, int]:
-    """Turn so many bits of shards over; return how many, and how many were read."""
+    """Flip bits of shards; return their number, and how many were not noticed."""
     rng, passed = random.Random(1), 0
     for _ in range(count):
         path = rng.choice(shards(folder))

@@ -1,12 +1,11 @@
-"""Closed loops in which something fails, and what is touched then.
+"""Closed loops with a fault, and their contacts.
 
-A robot is driven by ``SafetyFilter.step`` among posts that stand, on arcs that somebody
-unmindful wants. From a random time on, for a random while, one thing fails. Within the
-stated premises: what fails shows in the stamps, or the robot brakes by itself. Outside
-them the robot is told what is not so. Scans that are old are brought to where the robot
-is by its odometry. The clearance is that of the posts to the true pose after every step
-and half a step; r_min is kept if nothing fails. Every other loop has a robot that is
-hard to stop, is not told what it drives, and keeps 5 cm.
+``SafetyFilter.step`` drives a robot among static posts; the desired arcs ignore them.
+One fault begins at a random time and lasts a random while. Within the premises a fault
+shows in the stamps, or the robot brakes by itself; outside them the robot gets wrong
+data. Old scans are brought to the robot's present pose by its odometry. The clearance
+of the true pose is checked after every step and half step. Every other loop has a robot
+that brakes slowly, does not know its driven twist, and keeps 5 cm.
 
     python comparisons/reliability/loops.py --count 10000
 """
@@ -61,19 +60,19 @@ FAULTS = {
     "a wheel slips 30 %": False,
     "a step is missed": False,
 }
-"""What fails, and whether that is within the premises."""
+"""Faults, and whether they are within the premises."""
 
 Scan: TypeAlias = tuple[float, Array]
-"""When it was measured, s, and its points from where the robot is now."""
+"""Time of measurement, s, and points in the present robot frame."""
 
 
 def failing(problem: Any) -> Array:
-    """Be a back end that fails."""
+    """Raise, as a back end that fails."""
     raise RuntimeError("no licence")
 
 
 class World:
-    """Posts that stand, the robot's true pose, and what the sensor has said."""
+    """Static posts and the true pose of the robot."""
 
     def __init__(self, rng: np.random.Generator, corners: Array) -> None:
         self.corners = corners
@@ -110,7 +109,7 @@ class World:
 
 
 def brought(points: Array, before: Pose, now: Pose) -> Array:
-    """Return points that were seen from one pose as they are seen from another."""
+    """Return points of one robot pose in the frame of another."""
     return Obstacles(to_world(points, before)).seen_from(now).points
 
 
@@ -167,8 +166,8 @@ def run(fault: str, seed: int) -> tuple[float, bool]:
         scans.append((now, world.scan(), pose))
         as_new = fails.endswith("newly stamped")
         seen = [
-            (at, told if as_new else brought(told, before, pose))
-            for at, told, before in scans
+            (at, points if as_new else brought(points, before, pose))
+            for at, points, before in scans
         ]
         points, stamps = given(fails, now, seen, rng)
         wish, driven = desired, None if lazy else twist
@@ -196,7 +195,7 @@ def run(fault: str, seed: int) -> tuple[float, bool]:
 
 
 def study(fault: str, count: int, first: int = 0) -> dict[str, Any]:
-    """Return the row of a fault: so many loops, the same scenes for all faults."""
+    """Return the row of a fault; the scenes are the same for all faults."""
     found = [run(fault, first + k) for k in range(count)]
     least = np.array([room for room, _ in found])
     keeps = np.array([R_MIN[(first + k) % 2] for k in range(count)])

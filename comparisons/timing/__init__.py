@@ -1,7 +1,8 @@
-"""Timing: QP solvers on recorded problems, whole steps, and cold starts."""
+"""Computing times of solvers and control steps, beside those of other software.
 
-from timing.recorded import record_problems
-from timing.report import Report, write_report
-from timing.run import bench
-
-__all__ = ["Report", "bench", "record_problems", "write_report"]
+python comparisons/timing/solvers.py       # QP solvers on recorded problems
+python comparisons/timing/steps.py         # whole control steps
+python comparisons/timing/throughput.py    # compiled closed loops
+python comparisons/timing/cold_start.py    # fresh processes
+python comparisons/timing/ros_wire.py      # the ROS 2 node
+"""

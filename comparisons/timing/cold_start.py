@@ -1,4 +1,7 @@
-"""Cold starts: what a fresh process takes, with and without compiled code on disk."""
+"""Computing time of fresh processes, with and without compiled code on disk.
+
+python comparisons/timing/cold_start.py
+"""
 
 import os
 import resource
@@ -9,7 +12,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import qpavoid
+from timing.tables import table_text
 from timing.trials import Row
 
 NOTHING = ("-c", "")
@@ -27,17 +32,17 @@ COMPILED = ("-c", "import os\nos.environ['QPAVOID_NATIVE'] = '0'\n" + FILTER[1])
 RUN = ("-m", "qpavoid", "run", "paper/test_case_2", "--out", "out")
 
 STARTS = (
-    ("an empty interpreter", NOTHING, None),
-    ("import numpy", NUMPY, None),
-    ("import numba", NUMBA, None),
-    ("import qpavoid", IMPORT, 0.6),
-    ("import qpavoid, and its filter", LOAD, None),
-    ("first filtered twist", FILTER, 0.25),
-    ("qpavoid run: closed loop, Matplotlib, figures", RUN, 3.0),
-    ("first filtered twist ever, without the machine code: compiles", COMPILED, 90.0),
-    ("the same, second start", COMPILED, 2.0),
+    ("an empty interpreter", NOTHING),
+    ("import numpy", NUMPY),
+    ("import numba", NUMBA),
+    ("import qpavoid", IMPORT),
+    ("import qpavoid, and its filter", LOAD),
+    ("first filtered twist", FILTER),
+    ("qpavoid run: closed loop, Matplotlib, figures", RUN),
+    ("first filtered twist ever, without the machine code: compiles", COMPILED),
+    ("the same, second start", COMPILED),
 )
-"""What is started, the arguments of Python, and the most it should take, s."""
+"""Names of the processes, and arguments of Python."""
 
 
 def cold_starts(progress: Callable[[str], None] = lambda what: None) -> list[Row]:
@@ -50,18 +55,18 @@ def cold_starts(progress: Callable[[str], None] = lambda what: None) -> list[Row
         progress: Called with what is started next.
 
     Returns:
-        ``start``, ``seconds`` (None: it failed), those of the processor, which others
-        that use the machine lengthen little, ``target_s``, and ``error``.
+        ``start``, ``seconds`` (None: it failed), those of the processor, which depend
+        less on other load, and ``error``.
     """
     rows: list[Row] = []
     with TemporaryDirectory() as folder:
-        for what, arguments, target in STARTS:
+        for what, arguments in STARTS:
             progress(what)
             before = processor_time()
             seconds, error = _timed(arguments, Path(folder) / "cache", folder)
             took = None if seconds is None else processor_time() - before
             row = {"start": what, "seconds": seconds, "processor_s": took}
-            rows.append(row | {"target_s": target, "error": error})
+            rows.append(row | {"error": error})
     return rows
 
 
@@ -93,3 +98,16 @@ def _timed(
     if done.returncode:
         return None, (done.stderr.strip().splitlines() or ["no message"])[-1]
     return seconds, ""
+
+
+def main() -> None:
+    heads = {
+        "start": "fresh process",
+        "seconds": "s",
+        "processor_s": "of the processor",
+    }
+    print(table_text(heads | {"error": "error"}, cold_starts(print)))
+
+
+if __name__ == "__main__":
+    main()

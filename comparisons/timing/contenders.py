@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-from qpavoid.qp.backend_casadi import OPTIONS, CasadiBackEnd
+from qpavoid.qp.backend_casadi import CasadiBackEnd
 from qpavoid.qp.backend_osqp import SETTINGS, OSQPBackEnd
 from qpavoid.qp.backend_qpsolvers import TIGHT
 from qpavoid.qp.problem import ScaledProblem
@@ -19,7 +19,6 @@ from timing.peers import (
     Piqp,
     Proxqp,
     Quadprog,
-    ThroughDM,
 )
 
 CAPPED = {"max_iter": 300, "max_iter_in": 100}
@@ -29,11 +28,11 @@ QUIET: dict[str, Mapping[str, Any]] = {
     "qpoases": {"printLevel": "none"},
     "proxqp": {"proxqp": {"eps_abs": 1e-12, "max_iter": 300}},
 }
-"""Options of CasADi's other plug-ins; not of highs, whose stats() end the process."""
+"""Options of CasADi's other plug-ins; highs is left out: its stats() crash."""
 
 
 class Afresh:
-    """A back end that is loaded and set up anew at every call."""
+    """A back end that is loaded and set up at every call."""
 
     def __init__(self, load: Callable[[], Any]) -> None:
         self._load = load
@@ -79,10 +78,6 @@ CONTENDERS: dict[str, BackEndEntry] = {
     **{
         f"casadi:{plugin}": _entry(CasadiBackEnd, "casadi", plugin, options)
         for plugin, options in QUIET.items()
-    },
-    **{
-        f"casadi:{plugin} DM": _entry(ThroughDM, "casadi", plugin, OPTIONS[plugin])
-        for plugin in ("qrqp", "osqp", "daqp")
     },
     **{name: entry for name, entry in BACK_ENDS.items() if name.startswith("qpsolv")},
     "cvxpy:osqp": _entry(Cvxpy, "cvxpy", {"solver": "OSQP", **_CVXPY_OSQP}),

@@ -27,17 +27,17 @@ ANSWER = np.dtype(
     ],
     align=True,
 )
-"""A decision in C, and how long it took."""
+"""A decision in C, and its time."""
 
 
 COUNTED = ("points", "discs", "walls", "polygons")
-"""Of what there may be fewer than the capacity."""
+"""Obstacles with a number below their capacity."""
 
 
 def problem_type(capacity: Capacity) -> np.dtype[Any]:
-    """Return what the replay reads, one record a step.
+    """Return the record of a step that the replay reads.
 
-    ``v`` and ``omega`` are wanted; where ``anew`` is 1 the run begins anew with
+    ``v`` and ``omega`` are desired; where ``anew`` is 1 a new run begins with
     ``last_v`` and ``last_omega`` driven; where it is 2 it goes on with these driven. Of
     ``obstacles``, ``age`` and ``points``, ``discs``, ``disc_velocities``, ``walls``,
     ``corners``, ``polygons`` with their numbers ``n_points`` and so on.
@@ -81,7 +81,7 @@ def compile_replay(folder: str | PathLike[str], flags: Sequence[str] = ()) -> Pa
 def replay(
     program: Path, problems: npt.NDArray[np.void], repeat: int = 1
 ) -> npt.NDArray[np.void]:
-    """Return the answers (:data:`ANSWER`) to problems, each answered so often."""
+    """Return the answers (:data:`ANSWER`); each problem is solved ``repeat`` times."""
     done = subprocess.run(
         [str(program), str(repeat)],
         input=problems.tobytes(),

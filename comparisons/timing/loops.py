@@ -26,7 +26,7 @@ BEAMS = 720
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """What the filter is asked at one control step.
+    """Arguments of the filter at one control step.
 
     Attributes:
         v: Desired forward speed, m/s.

@@ -1,13 +1,13 @@
-"""Peers of the timing study: solvers through their own interfaces, cvxpy and cbfpy.
+"""Peers of the timing study: solvers by their own interfaces, cvxpy and cbfpy.
 
-Each is a back end like those of :mod:`qpavoid.qp.solve`, for any number of unknowns: it
-is handed a :class:`ScaledProblem` and returns z, or NaN where it claims no answer.
+Each is a back end like those of :mod:`qpavoid.qp.solve`: a function from a
+:class:`ScaledProblem` to z, or NaN where it claims no answer.
 """
 
 import math
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from importlib import import_module
 from typing import Any
@@ -15,15 +15,12 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.qp.backend_casadi import CasadiBackEnd, Program
 from qpavoid.qp.problem import ScaledProblem
 from qpavoid.types import Array
-from timing.recorded import Scan
 
 
 class Workspace(ABC):
-    """A solver whose workspace is set up once and then updated.
+    """A solver with a workspace that is set up once and then updated.
 
     It has as many rows as the first problem; later ones may have fewer, the rest is
     0 ≥ −1. With more rows it is set up again, for at least twice as many.
@@ -217,53 +214,27 @@ class Cvxpy(Workspace):
         return self._z.value if solved else None
 
 
-class DMProgram(Program):
-    """A program called the usual way, with numpy arrays that become DM."""
-
-    def __init__(self, *given: Any) -> None:
-        super().__init__(*given)
-        self.buffer, self._evaluate = self._function, self._call
-
-    def _call(self) -> None:
-        low, high = self._bounds
-        arguments = {"x0": self._start, "p": self._p, "lbg": low, "ubg": high}
-        found = self._function(lbx=self._lower, ubx=self._upper, **arguments)
-        self._z[:] = found["x"].full().ravel()
-
-
-class ThroughDM(CasadiBackEnd):
-    """A CasADi plug-in without its FunctionBuffer."""
-
-    made = DMProgram
-
-
 CBFPY: Mapping[str, Any] = {"backend": "elastiqp", "solver_tol": 1e-8}
 """Settings of its faster back end."""
 
 
-ADVICE = {
-    "JAX_ENABLE_X64": "1",
-    "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false",
-    "OPENBLAS_NUM_THREADS": "1",
-}
-"""What cbfpy asks for at its import, for speed and precision on a processor."""
-
-
 def prepare(solver: str) -> None:
     """Import cbfpy and its solver with the settings that cbfpy advises."""
-    os.environ.update(ADVICE)
+    os.environ["JAX_ENABLE_X64"] = "1"
+    os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false"
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
     import_module("jax").config.update("jax_enable_x64", True)
     import_module("cbfpy")
     import_module(solver)
 
 
 class Cbfpy(Workspace):
-    """cbfpy's own safety filter on the same rows.
+    """Safety filter of cbfpy on the same rows.
 
-    Equivalent: state z = 0 with ż = u, barriers h(z) = normals z − offsets and α(h) = h
-    give exactly the rows normals u ≥ offsets; the limits are barriers too; same cost.
-    Not equivalent: each row may be broken at a cost of 1000 a unit, so that it answers
-    infeasible problems as well, and it has no status: every finite answer is a claim.
+    State z = 0 with ż = u, barriers h(z) = normals z − offsets and α(h) = h give the
+    same rows normals u ≥ offsets. The limits are barriers too; the cost is the same.
+    Difference: each row may be violated at a cost of 1000 a unit, so it also answers
+    infeasible problems, and it has no status: every finite answer counts as a claim.
     """
 
     module = "cbfpy"
@@ -274,15 +245,31 @@ class Cbfpy(Workspace):
 
     def _set_up(self, problem: ScaledProblem) -> None:
         jnp, n = import_module("jax.numpy"), len(problem.target)
-        self._z = np.zeros(n)
-        self._filter = cbfpy_filter(
-            lambda z, *data: jnp.eye(n),
-            lambda z, normals, offsets: jnp.concatenate([normals @ z, z, -z]) - offsets,
-            np.ones(n),
-            n,
-            (problem.normals, self._offsets(problem)),
-            self.settings,
-        )
+        base: Any = import_module("cbfpy.config.cbf_config").CBFConfig
+
+        class Rows(base):  # type: ignore[misc]
+            def f(self, z: Any, *data: Any) -> Any:
+                return jnp.zeros(n)
+
+            def g(self, z: Any, *data: Any) -> Any:
+                return jnp.eye(n)
+
+            def h_1(self, z: Any, normals: Any, offsets: Any) -> Any:
+                return jnp.concatenate([normals @ z, z, -z]) - offsets
+
+            def alpha(self, h: Any, *data: Any) -> Any:
+                return h
+
+            def P(self, z: Any, u_des: Any, *data: Any) -> Any:
+                return 2.0 * jnp.eye(n)
+
+            def q(self, z: Any, u_des: Any, *data: Any) -> Any:
+                return -2.0 * u_des
+
+        seed = problem.normals, self._offsets(problem)
+        config = Rows(n, n, init_args=seed, **self.settings)
+        cbf = import_module("cbfpy.cbfs.cbf").CBF.from_config(config)
+        self._z, self._filter = np.zeros(n), cbf.safety_filter
 
     def _solve(self, problem: ScaledProblem) -> Array:
         data = problem.normals, self._offsets(problem)
@@ -290,92 +277,3 @@ class Cbfpy(Workspace):
 
     def _offsets(self, problem: ScaledProblem) -> Array:
         return np.concatenate([problem.offsets, problem.lower, -problem.upper])
-
-
-def cbfpy_filter(
-    g: Callable[..., Any],
-    h: Callable[..., Any],
-    weights: Array,
-    n: int,
-    seed: tuple[Array, ...],
-    settings: Mapping[str, Any],
-    gamma: float = 1.0,
-) -> Callable[..., Any]:
-    """Return cbfpy's filter, from (z, u_f, *data) to u.
-
-    min (u − u_f)ᵀ W (u − u_f) subject to ḣ(z, u) ≥ −γ h(z), with ż = g(z) u.
-
-    Args:
-        g: (z, *data) → (n, m).
-        h: (z, *data) → barriers.
-        weights: (m,) diagonal of W.
-        n: Number of states.
-        seed: Data of the shapes to come.
-        settings: Of cbfpy's configuration.
-        gamma: γ, 1/s.
-    """
-    jnp = import_module("jax.numpy")
-    m = len(weights)
-
-    class Rows(import_module("cbfpy.config.cbf_config").CBFConfig):  # type: ignore[misc]
-        def f(self, z: Any, *data: Any) -> Any:
-            return jnp.zeros(n)
-
-        def g(self, z: Any, *data: Any) -> Any:
-            return g(z, *data)
-
-        def h_1(self, z: Any, *data: Any) -> Any:
-            return h(z, *data)
-
-        def alpha(self, h: Any, *data: Any) -> Any:
-            return gamma * h
-
-        def P(self, z: Any, u_des: Any, *data: Any) -> Any:
-            return 2.0 * jnp.diag(weights)
-
-        def q(self, z: Any, u_des: Any, *data: Any) -> Any:
-            return -2.0 * weights * u_des
-
-    config = Rows(n, m, init_args=seed, **settings)
-    cbf = import_module("cbfpy.cbfs.cbf").CBF.from_config(config)
-    run: Callable[..., Any] = cbf.safety_filter
-    return run
-
-
-class CbfpyStep:
-    """cbfpy's filter for a unicycle at the origin, with one barrier d − r_min a point.
-
-    It differentiates the distance from the polygon by itself. Equivalent: rows, limits,
-    cost. Not equivalent: see :class:`Cbfpy`.
-    """
-
-    def __init__(self, safety: SafetyFilter, points: int) -> None:
-        prepare(CBFPY["backend"])
-        limits, edges = safety.problem(0.0, 0.0), safety.robot.footprint.edges
-        jnp = import_module("jax.numpy")
-        r_min = safety.settings.radius.r_min()
-
-        def g(pose: Any, points: Any) -> Any:
-            c, s = jnp.cos(pose[2]), jnp.sin(pose[2])
-            return jnp.array([[c, 0.0], [s, 0.0], [0.0, 1.0]])
-
-        def h(pose: Any, points: Any) -> Any:
-            c, s = jnp.cos(pose[2]), jnp.sin(pose[2])
-            seen = (points - pose[:2]) @ jnp.array([[c, -s], [s, c]])
-            offset = seen[:, None] - edges[:, :2]
-            tangent = edges[:, 3:1:-1] * np.array([-1.0, 1.0])
-            along = jnp.clip((offset * tangent).sum(axis=2), 0.0, edges[:, 4])
-            gap = offset - along[:, :, None] * tangent
-            return jnp.sqrt((gap**2).sum(axis=2).min(axis=1)) - r_min
-
-        limited = {**CBFPY, "u_min": limits.lower, "u_max": limits.upper}
-        weights = np.array(safety.settings.weights)
-        seed = (np.ones((points, 2)) * (2.0, 0.1),)
-        gamma = safety.settings.gamma
-        self._filter = cbfpy_filter(g, h, weights, 3, seed, limited, gamma)
-        self._pose = np.zeros(3)
-
-    def __call__(self, scan: Scan) -> Array:
-        """Return (v, ω)."""
-        u = self._filter(self._pose, np.array([scan.v, scan.omega]), scan.points)
-        return np.asarray(u)

@@ -1,8 +1,7 @@
-"""QPs from closed loops, each with its exact answer and a mark; and scans."""
+"""QPs and scans recorded from closed loops; each QP with its certified answer."""
 
 import math
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from itertools import islice
 from typing import NamedTuple
 
@@ -11,63 +10,33 @@ from scipy.optimize import nnls
 
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.model.robot import Robot
-from qpavoid.qp.exact import NULL_ROW
 from qpavoid.qp.problem import FilterProblem, ScaledProblem
-from qpavoid.qp.solve import exact_twist, load_back_end, required_slack
+from qpavoid.qp.solve import exact_twist, required_slack
 from qpavoid.types import Array
 from timing.loops import BEAMS, Moment, drive, scan
 
 CLEAR = 1e-6
-"""Scaled m/s. A problem that is infeasible by less is left out: within its tolerance
-a solver may call it either way. A row whose gap is smaller holds with equality."""
-
-PARALLEL = 1e-2
-"""rad; active rows whose normals differ by less are nearly parallel."""
-
-SHORT_ROW = 1e-3
-"""A row that is shorter before it is normalised, in scaled units, is short."""
-
-PENALTY = 1e3
-"""Of the squared slack, where it is the third unknown."""
-
-MOST_SLACK = 100.0
-"""m/s; its upper limit there, finite since not all solvers take infinity."""
+"""Scaled m/s. Problems that are infeasible by less are left out: a solver may call
+them either way."""
 
 DENSEST = 25
 """Beams for each row that is asked for, beyond which a scan is given up."""
 
 
-class Mark(StrEnum):
-    """What kind of problem it is; exactly one holds."""
-
-    FEASIBLE = "feasible"
-    ACTIVE = "active"
-    DEGENERATE = "degenerate"
-    INFEASIBLE = "infeasible"
-
-
 @dataclass(frozen=True, eq=False)
 class RecordedProblem:
-    """One problem, as a control loop met it.
+    """A QP of a control loop and its certified answer.
 
     Attributes:
-        problem: The QP, with exactly as many rows as were asked for.
-        scaled: What a back end is handed: rows normalised, null rows left out.
-        mark: ``infeasible``: no twist keeps all rows of ``scaled``. ``degenerate``:
-            feasible, and ``reasons`` has entries. ``active``: the desired twist
-            violates a row or limit. ``feasible``: it violates none.
-        reasons: ``duplicate`` (equal active rows), ``parallel`` (active rows whose
-            normals differ by less than :data:`PARALLEL`), ``corner`` (more than two
-            rows and limits active), ``short`` or ``null`` (such a row, active or not).
-        slack: Least slack of the scaled rows, scaled m/s; 0 unless infeasible.
-        optimum: (n,) certified z; NaN if infeasible.
+        problem: The QP, with exactly as many rows as asked for.
+        scaled: Argument of a back end: rows normalised, null rows left out.
+        slack: Least slack of the scaled rows, scaled m/s; 0 if feasible.
+        optimum: (2,) certified z; NaN if infeasible.
         residual: Of its optimality conditions, scaled m/s; see :func:`polished`.
     """
 
     problem: FilterProblem
     scaled: ScaledProblem
-    mark: Mark
-    reasons: tuple[str, ...]
     slack: float
     optimum: Array
     residual: float
@@ -108,8 +77,8 @@ def record_problems(rows: int, count: int, seed: int = 0) -> list[RecordedProble
     safety = SafetyFilter(Robot.mir100(), ahead=False)
     moments = drive(safety, np.random.default_rng(seed))
     problems = (problem_at(safety, moment, rows) for moment in moments)
-    marked = (classify(problem) for problem in problems if problem is not None)
-    return list(islice((p for p in marked if not 0.0 < p.slack <= CLEAR), count))
+    known = (answered(problem) for problem in problems if problem is not None)
+    return list(islice((p for p in known if not 0.0 < p.slack <= CLEAR), count))
 
 
 def record_scans(points: int, count: int, seed: int = 0) -> list[Scan]:
@@ -160,48 +129,15 @@ def problem_at(safety: SafetyFilter, moment: Moment, rows: int) -> FilterProblem
     )
 
 
-def classify(problem: FilterProblem) -> RecordedProblem:
-    """Return the problem with its exact answer and mark."""
+def answered(problem: FilterProblem) -> RecordedProblem:
+    """Return the problem with its exact answer."""
     scaled = problem.scaled()
     normal_form = as_problem(scaled)
     slack = required_slack(normal_form)
     if slack > 0.0:
-        nowhere = np.full(2, math.nan)
-        return RecordedProblem(
-            problem, scaled, Mark.INFEASIBLE, (), slack, nowhere, 0.0
-        )
+        return RecordedProblem(problem, scaled, slack, np.full(2, math.nan), 0.0)
     optimum, residual = polished(scaled, np.array(exact_twist(normal_form)))
-    reasons = degeneracies(problem, scaled, optimum)
-    mark = Mark.DEGENERATE
-    if not reasons:
-        moved = np.abs(optimum - scaled.target).max() > CLEAR
-        mark = Mark.ACTIVE if moved else Mark.FEASIBLE
-    return RecordedProblem(problem, scaled, mark, reasons, 0.0, optimum, residual)
-
-
-def softened(recorded: RecordedProblem) -> RecordedProblem:
-    """Return a problem with a slack as third unknown: always feasible, as most filters.
-
-    It is min (u − u_f)ᵀ W (u − u_f) + PENALTY s² with rows A u + s ≥ b, s ≥ 0 in m/s.
-    As the unknown is s √PENALTY and rows are normalised, it is again a projection,
-    which favours first-order methods. The answer is DAQP's with its active rows solved
-    exactly; :func:`polished` certifies it.
-    """
-    hard, root = recorded.scaled, math.sqrt(PENALTY)
-    length = np.hypot(*(recorded.problem.A / hard.scale).T)
-    column = 1.0 / (length[length >= NULL_ROW] * root)
-    norm = np.sqrt(1.0 + column**2)
-    soft = replace(
-        hard,
-        target=np.append(hard.target, 0.0),
-        normals=np.column_stack([hard.normals, column]) / norm[:, None],
-        offsets=hard.offsets / norm,
-        lower=np.append(hard.lower, 0.0),
-        upper=np.append(hard.upper, MOST_SLACK * root),
-        scale=np.append(hard.scale, root),
-    )
-    optimum, residual = polished(soft, load_back_end("qpsolvers:daqp")(soft))
-    return replace(recorded, scaled=soft, slack=0.0, optimum=optimum, residual=residual)
+    return RecordedProblem(problem, scaled, 0.0, optimum, residual)
 
 
 def polished(problem: ScaledProblem, z: Array) -> tuple[Array, float]:
@@ -242,23 +178,3 @@ def as_problem(scaled: ScaledProblem) -> FilterProblem:
         upper=scaled.upper,
         obstacle=np.arange(len(scaled.offsets)),
     )
-
-
-def degeneracies(
-    problem: FilterProblem, scaled: ScaledProblem, optimum: Array
-) -> tuple[str, ...]:
-    """Return why a feasible problem is degenerate; see :class:`RecordedProblem`."""
-    active = scaled.normals[scaled.normals @ optimum - scaled.offsets <= CLEAR]
-    at_limit = np.concatenate([optimum - scaled.lower, scaled.upper - optimum]) <= CLEAR
-    angles = np.sort(np.arctan2(active[:, 1], active[:, 0]))
-    between = np.diff(angles, append=angles[:1] + 2 * math.pi)
-    between = between if len(active) > 1 else np.full(1, math.inf)
-    lengths = np.hypot(*(problem.A / scaled.scale).T)
-    found = {
-        "duplicate": (between < 1e-12).any(),
-        "parallel": ((between >= 1e-12) & (between < PARALLEL)).any(),
-        "corner": len(active) + at_limit.sum() > 2,
-        "short": (lengths < SHORT_ROW).any(),
-        "null": len(scaled.offsets) < len(problem.b),
-    }
-    return tuple(name for name, holds in found.items() if holds)

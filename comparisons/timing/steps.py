@@ -1,30 +1,45 @@
-"""Whole control steps, ours and what peers do, and the floor that the machine sets."""
+"""Computing time of whole control steps by the number of points of a scan.
 
+The steps go from numpy points to the twist: our one-step and look-ahead filters, the
+one-step filter with other back ends, the paper's laws, the exported C, and the same
+rows written with numpy and a solver. Also: a step of the guide in four worlds, and a
+million calls of the one-step filter: the slowest call and the growth of memory.
+
+    python comparisons/timing/steps.py --out out/steps
+"""
+
+import argparse
 import math
 import resource
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from functools import partial
+from pathlib import Path
 from time import perf_counter_ns
-from typing import Any
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from qpavoid.avoidance.decision import Decision, Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.compiled import compiled
 from qpavoid.errors import QPAvoidError
+from qpavoid.guide.guide import Guide
+from qpavoid.lab.simulation.methods import make_controller
+from qpavoid.model.kinematics import arc
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.qp.problem import ScaledProblem
 from qpavoid.qp.solve import BackEnd
 from qpavoid.types import Array
 from timing.contenders import CONTENDERS
 from timing.exported import step_times
-from timing.peers import CbfpyStep
 from timing.recorded import Scan, record_scans
+from timing.tables import origins, pivot, table_text, write_tables
 from timing.trials import (
     FULL,
+    QUICK,
     Case,
     Contender,
     Plan,
@@ -36,12 +51,12 @@ from timing.trials import (
 
 POINTS = (1, 10, 100, 1000, 10_000)
 OURS, AHEAD, EXPORTED = "qpavoid", "qpavoid, ahead", "exported C"
-TARGETS_US = {1: 2.5, 100: 5.0, 1000: 14.0, 10_000: 75.0}
-"""Most that the median of :data:`OURS` should take, by number of points."""
+LAWS = "eq5", "eq7"
+"""The paper's closed-form laws."""
 
 
 def one_step() -> SafetyFilter:
-    """Return the filter whose answers are the reference: the rows of the present."""
+    """Return the one-step filter, the reference of the answers."""
     return SafetyFilter(Robot.mir100(), ahead=False)
 
 
@@ -112,17 +127,13 @@ def _ours(points: int, solver: str = "exact", ahead: bool = False) -> Contender:
     return Contender(lambda scan: call(scan[0], scan[1], scan[2]), _twist)
 
 
-def with_back_ends(names: Sequence[str]) -> Mapping[str, Callable[[int], Contender]]:
-    """Return the one-step filter with each of some back ends, like :data:`STEPS`."""
-    return {name: partial(_ours, solver=name) for name in names}
-
-
 def _numpy(points: int, solver: str) -> Contender:
     return Contender(NumpyStep(CONTENDERS[solver].load()), np.asarray)
 
 
-def _cbfpy(points: int) -> Contender:
-    return Contender(CbfpyStep(one_step(), points), np.asarray)
+def _law(points: int, name: str) -> Contender:
+    step = make_controller(name, Robot.mir100(), AvoidanceSettings()).start()
+    return Contender(lambda scan: step(scan[0], scan[1], Obstacles(scan[2])), _twist)
 
 
 STEPS: Mapping[str, Callable[[int], Contender]] = {
@@ -133,9 +144,9 @@ STEPS: Mapping[str, Callable[[int], Contender]] = {
         for name in ("osqp", "casadi:daqp", "qpsolvers:daqp")
     },
     **{f"numpy + {name}": partial(_numpy, solver=name) for name in ("osqp", "daqp")},
-    "cbfpy": _cbfpy,
+    **{name: partial(_law, name=name) for name in LAWS},
 }
-"""Who makes whole steps, by name, for a number of points."""
+"""Control steps by name, for a number of points."""
 
 
 def step_cases(points: int, count: int) -> list[Case]:
@@ -169,8 +180,8 @@ def time_steps(
 
     Returns:
         ``step``, ``points``, ``rows`` (median number that can matter), then
-        :func:`timing.trials.judge`'s columns, and ``target_us``. The
-        look-ahead filter answers another question and is not judged.
+        :func:`timing.trials.judge`'s columns. The look-ahead filter and the laws
+        have other answers, so that their errors are left out.
     """
     table: list[Row] = []
     for points in sizes:
@@ -184,12 +195,11 @@ def time_steps(
         safety = one_step()
         rows = np.median([len(safety.problem(*case.question).b) for case in cases])
         for name, row in race(contenders, cases, plan, plan.calls).items():
-            if name == AHEAD:
+            if name in (AHEAD, *LAWS):
                 faults = "wrong", "false_ok", "false_infeasible"
                 row |= dict.fromkeys((*faults, "error_p99", "worst_error"))
-            target = TARGETS_US.get(points) if name == OURS else None
             start: Row = {"step": name, "points": points, "rows": float(rows)}
-            table.append(start | row | {"target_us": target})
+            table.append(start | row)
     return table
 
 
@@ -207,7 +217,7 @@ def time_exported(sizes: Sequence[int], like: Row, plan: Plan = FULL) -> list[Ro
 def exported_times(cases: Sequence[Case], ahead: bool) -> Row:
     """Return quantiles of the exported C filter's step; nothing without a compiler.
 
-    Every step starts from rest, so that the look-ahead takes up its search anew.
+    Every step starts from rest, so that the look-ahead repeats its whole search.
     """
     scans = [case.question for case in cases]
     try:
@@ -263,90 +273,115 @@ def endure(points: int, calls: int, scans: int = 100) -> Row:
     }
 
 
-POINT_BYTES = 16
-"""x and y of a point are read once."""
-
-POINT_OPERATIONS = 45
-"""Additions and multiplications for a point that is near: signed distances from five
-edges (5 each), contact (9), its row and bound (7), the row's violation (4)."""
+TRAP = np.array(
+    [(4.5, -1.0, 4.5, 1.0), (2.5, 1.0, 4.5, 1.0), (2.5, -1.0, 4.5, -1.0)],
+)
+GOAL = 9.0, 0.0, 0.0
 
 
-@compiled
-def triad(a: Array, b: Array, c: Array) -> None:
-    """Set a = b + 3 c: 24 bytes an element."""
-    for i in range(a.shape[0]):
-        a[i] = b[i] + 3.0 * c[i]
+def empty(time: float) -> Obstacles:
+    """Return nothing."""
+    return Obstacles()
 
 
-@compiled
-def horner(x: Array, y: Array) -> None:
-    """Evaluate a polynomial of degree 8: 16 operations an element."""
-    for i in range(x.shape[0]):
-        value = x[i]
-        for _ in range(8):
-            value = value * x[i] + 0.5
-        y[i] = value
+def trap(time: float) -> Obstacles:
+    """Return a dead end, which must be left backwards: ways are searched."""
+    return Obstacles(walls=TRAP)
 
 
-@compiled
-def nothing(
-    edges: Array, robot: Array, settings: Any, points: Array, v: float, omega: float
-) -> tuple[float, float]:
-    """Return the twist: what a call into compiled code takes.
-
-    Args:
-        edges: Handed over, as to the filter.
-        robot: The same.
-        settings: The same.
-        points: The same.
-        v: m/s.
-        omega: rad/s.
-    """
-    return v, omega
+def scan(time: float) -> Obstacles:
+    """Return the same as some 300 points."""
+    along = np.linspace(0.0, 1.0, 100)[:, None]
+    points = [wall[:2] + along * (wall[2:] - wall[:2]) for wall in TRAP]
+    return Obstacles(np.vstack(points))
 
 
-def best(seconds: float, call: Callable[..., Any], *arguments: Any) -> float:
-    """Return the shortest time of a call, s."""
-    shortest, spent = np.inf, 0.0
-    call(*arguments)
-    while spent < seconds:
-        started = perf_counter_ns()
-        call(*arguments)
-        last = 1e-9 * (perf_counter_ns() - started)
-        shortest, spent = min(shortest, last), spent + last
-    return float(shortest)
+def people(time: float) -> Obstacles:
+    """Return ten discs that cross the way."""
+    k = np.arange(10.0)
+    velocities = np.column_stack([-0.3 + 0.03 * k, 0.4 * (-1.0) ** k])
+    places = np.column_stack([1.5 + k, -0.4 * (k + 2.0) * (-1.0) ** k])
+    discs = np.column_stack([places + time * velocities, np.full(10, 0.25)])
+    return Obstacles(discs=discs, disc_velocities=velocities)
 
 
-def machine_limits(seconds: float = 0.2) -> Row:
-    """Measure arithmetic, bandwidth, and a call's floor, on one core.
+WORLDS = {"nothing": empty, "dead end": trap, "300 points": scan, "10 people": people}
+
+
+def time_guide(seconds: float, rounds: int) -> list[Row]:
+    """Return a row a world: quantiles and maximum of a step, µs, in a closed loop.
 
     Args:
-        seconds: That each of them takes.
-
-    Returns:
-        ``gflops``: multiply and add in vectors, as compiled here (not fused);
-        ``gb_per_s`` in the second-level cache, ``memory_gb_per_s`` beyond the caches;
-        ``call_us``: a compiled function of four arrays that does nothing, by Python.
+        seconds: Of each run.
+        rounds: How often each is driven; the first one warms up.
     """
-    safety = one_step()
-    arguments = safety.robot.footprint.edges, safety.robot.limit_vector
-    record, points = safety.settings.record(), np.ones((1, 2))
-    near, far = np.ones((3, 8_000)), np.ones((3, 4_000_000))
+    rows = []
+    for name, world in WORLDS.items():
+        times = np.concatenate([drive(world, seconds) for _ in range(rounds + 1)][1:])
+        rows.append(
+            {
+                "world": name,
+                "steps": len(times),
+                "median_us": quantile(times, 0.5),
+                "p99_us": quantile(times, 0.99),
+                "max_us": float(times.max()),
+            }
+        )
+    return rows
+
+
+def drive(world: Callable[[float], Obstacles], seconds: float) -> Array:
+    """Return the time, µs, of each step of a run to the goal."""
+    guide, pose = Guide(Robot.mir100()), (0.0, 0.0, 0.0)
+    dt = guide.settings.dt
+    times = np.zeros(round(seconds / dt))
+    guide.go_to(pose, GOAL)
     with undisturbed():
-        return {
-            "gflops": 16e-9
-            * 4096
-            / best(seconds, horner, np.full(4096, 0.5), np.empty(4096)),
-            "gb_per_s": 24e-9 * near.shape[1] / best(seconds, triad, *near),
-            "memory_gb_per_s": 24e-9 * far.shape[1] / best(seconds, triad, *far),
-            "call_us": 1e6
-            * best(seconds, nothing, *arguments, record, points, 0.5, 0.0),
-        }
+        for i in range(len(times)):
+            seen = world(i * dt).seen_from(pose)
+            started = perf_counter_ns()
+            decision = guide.step(pose, seen)
+            times[i] = 1e-3 * (perf_counter_ns() - started)
+            pose = arc(*pose, decision.v, decision.omega, dt)
+    return times
 
 
-def floors(points: int, limits: Row) -> tuple[float, float]:
-    """Return the least µs that a point's operations, and its bytes, take."""
-    gflops, bandwidth = limits["gflops"], limits["gb_per_s"]
-    assert isinstance(gflops, float) and isinstance(bandwidth, float)
-    operations = 1e-3 * points * POINT_OPERATIONS / gflops
-    return operations, 1e-3 * points * POINT_BYTES / bandwidth
+ENDURANCE = {
+    "points": "points",
+    "rows": "rows ≤",
+    "row_evaluations": "row evaluations ≤",
+    "calls": "calls",
+    "median_us": "median µs",
+    "p99_us": "p99",
+    "p9999_us": "p99.99",
+    "max_us": "max",
+    "switches": "processor taken away",
+    "growth_mb": "growth of memory, MB",
+}
+GUIDE = {
+    "world": "world of a guide",
+    "steps": "steps",
+    "median_us": "median µs",
+    "p99_us": "p99",
+    "max_us": "max",
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("out/steps"), metavar="DIR")
+    parser.add_argument("--quick", action="store_true", help="few calls")
+    options = parser.parse_args()
+    plan = QUICK if options.quick else FULL
+    steps = time_steps(POINTS, plan=plan, progress=print)
+    steps += time_exported(POINTS, steps[0], plan)
+    guide = time_guide(*((2.0, 1) if options.quick else (30.0, 3)))
+    long_run = [endure(100, 10_000 if options.quick else 1_000_000)]
+    tables = {"steps": steps, "guide": guide, "endurance": long_run}
+    write_tables(options.out, tables, origins(asdict(plan)))
+    print(pivot(steps, "step", "points", "numpy + daqp"))
+    print(table_text(GUIDE, guide), table_text(ENDURANCE, long_run), sep="\n")
+
+
+if __name__ == "__main__":
+    main()

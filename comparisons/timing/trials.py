@@ -1,4 +1,4 @@
-"""Trials of solvers on the same cases: timed fairly, and judged by the answer."""
+"""Timed calls of solvers on the same cases, with errors of their answers."""
 
 import gc
 import math
@@ -29,7 +29,7 @@ BLOCK = 5
 
 @dataclass(frozen=True)
 class Plan:
-    """How much is measured.
+    """Numbers of problems and calls.
 
     Attributes:
         problems: Recorded problems for each number of rows.
@@ -39,7 +39,6 @@ class Plan:
         infeasible: Infeasible problems that a solver is handed, at most.
         scans: Scans for each number of points.
         calls: Passes over the scans.
-        slack_rows: Most rows that are timed with a slack as third unknown.
     """
 
     problems: int
@@ -48,28 +47,17 @@ class Plan:
     infeasible: int
     scans: int
     calls: int
-    slack_rows: int
 
 
-FULL = Plan(
-    problems=400,
-    passes=6,
-    budget_s=3.0,
-    infeasible=40,
-    scans=100,
-    calls=20,
-    slack_rows=1000,
-)
-QUICK = Plan(
-    100, passes=1, budget_s=0.04, infeasible=5, scans=20, calls=3, slack_rows=5
-)
+FULL = Plan(400, passes=6, budget_s=3.0, infeasible=40, scans=100, calls=20)
+QUICK = Plan(100, passes=1, budget_s=0.04, infeasible=5, scans=20, calls=3)
 
 
 class Case(NamedTuple):
-    """What contenders are asked, and what is right.
+    """A problem with its certified answer.
 
     Attributes:
-        question: Handed over as it is.
+        question: Argument of a contender.
         answer: (n,) the certified answer; NaN if there is none.
         scale: (n,) by which answers are divided to give m/s and rad/s.
     """
@@ -80,11 +68,11 @@ class Case(NamedTuple):
 
 
 class Contender(NamedTuple):
-    """Somebody who answers questions.
+    """A solver or filter that is timed.
 
     Attributes:
-        ask: From the question to whatever comes back; this is timed.
-        read: From that to the answer (n,) that is claimed; NaN: none.
+        ask: From the question to the solver's result; this is timed.
+        read: From the result to the claimed answer (n,); NaN: none.
     """
 
     ask: Callable[[Any], Any]
@@ -93,7 +81,7 @@ class Contender(NamedTuple):
 
 @dataclass
 class Trials:
-    """What one contender did on cases of one kind.
+    """Calls of one contender on cases of one kind.
 
     Attributes:
         errors: Greatest difference from the certified answer, m/s or rad/s; NaN where
@@ -109,7 +97,7 @@ class Trials:
     spent_s: float = 0.0
 
     def call(self, contender: Contender, case: Case) -> None:
-        """Time one call and keep what came of it; an exception is no answer."""
+        """Time one call and store its error; an exception is no answer."""
         question, ask = case.question, contender.ask
         started = perf_counter_ns()
         try:
@@ -142,19 +130,18 @@ def of_back_end(back_end: BackEnd) -> Contender:
 
 
 def _claimed(back_end: BackEnd, answer: Array) -> Array:
-    """Return the answer, or NaN where CasADi disowns it.
+    """Return the answer, or NaN where CasADi reports a failure.
 
-    Our CasADi back ends hand on whatever the plug-in leaves, since every answer is
-    certified later; here the plug-in is asked what it says.
+    Our CasADi back ends return the answer in any case, since it is certified later.
     """
     program = getattr(back_end, "last", None)
-    disowned = program is not None and not program.buffer.stats()["success"]
-    return np.full_like(answer, math.nan) if disowned else answer
+    failed = program is not None and not program.buffer.stats()["success"]
+    return np.full_like(answer, math.nan) if failed else answer
 
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Keep garbage collector, warnings and other cores out of what is timed."""
+    """Disable garbage collector and warnings, and pin the process to a core."""
     collecting = gc.isenabled()
     cores = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set()
     gc.collect()
@@ -225,7 +212,7 @@ def race(
 
 
 def judge(timed: Trials, raw: Trials) -> Row:
-    """Return what a contender's trials are worth, as one row of a table.
+    """Return the numbers of a contender as one row of a table.
 
     Args:
         timed: Trials on cases with an answer.

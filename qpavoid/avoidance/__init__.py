@@ -1,1 +1,1 @@
-"""The two laws of the paper and the QP filter, as controllers of equal standing."""
+"""The two laws of the paper and the QP filter, as controllers with one interface."""

@@ -1,19 +1,18 @@
-"""Conservative advancement: the room of a body along a rollout, in continuous time.
+"""Conservative advancement: the margin of a body along a rollout, in continuous time.
 
-The *room* of a body is its distance from the footprint less the distance to keep. After
-a look at time t the next one may wait until a bound of the room comes down to the level
-that matters [Mirtich1996]; what is found to stay above a level does so in between too.
+The *margin* of a body is its distance from the footprint minus the required distance.
+After a sample at time t the next one is where a bound of the margin reaches the
+threshold [Mirtich1996]; a margin found above a threshold is so between samples, too.
 
 The bound is that of :mod:`qpavoid.avoidance.time_bounds`; beyond an arc, and far away,
-the circles round footprint and body give it.
+that of the circles round footprint and body.
 
-Along a way that just keeps the level the looks would stand still. Where more is wanted
-than is needed, ``slack`` is what may be missed of it in between.
+Where the margin stays at the threshold the steps would vanish: ``slack`` is the part of
+the threshold that may be missed between samples.
 
-**Work.** No body, and no group, is looked at more than :data:`LOOKS` times along a
-rollout, and once more for every arc; one for which that is not enough counts as too
-near. A call of the filter rolls out fewer than 1,400 plans, whatever it is given:
-mostly fewer than twenty.
+**Complexity.** A body or group is sampled at most :data:`LOOKS` times along a rollout,
+and once per arc; if that does not decide, it counts as too near. A call of the filter
+rolls out fewer than 1,400 plans for any input, typically fewer than twenty.
 """
 
 import math
@@ -39,24 +38,24 @@ from qpavoid.compiled import compiled_once
 from qpavoid.types import Pair
 
 LOOKS = 80
-"""At one body along a rollout, beside one for every arc."""
+"""Samples of one body along a rollout, in addition to one per arc."""
 
 AFAR = 0.1
-"""m; with so much more room than matters the circles are enough."""
+"""m; excess of the margin above which the bound of the circles is used."""
 
 STEP = 0.05
-"""s; the least room is searched for at times so far apart."""
+"""s; sampling period of the search for the least margin."""
 
-MOST_STEPS = 1e6
-"""No more are skipped at once: compiled, a floor is an integer of 64 bits."""
+MOST_SKIPPED = 1e6
+"""Greatest number of skipped steps: compiled, a floor is an integer of 64 bits."""
 
 REFINEMENTS = 6
-"""How often the time of the least room is bisected."""
+"""Bisections about the time of the least margin."""
 
 
 @compiled_once
 def room_at(scene: Scene, rollout: Rollout, i: int, time: float) -> float:
-    """Return the room of body i at a time, m."""
+    """Return the margin of body i at a time, m."""
     body = body_at(scene, i)
     arc = arc_at(rollout.arcs, arc_index(rollout.arcs, 0, time))
     ends = ends_at(body, time, frame_at(arc, time, scene.longest))
@@ -68,15 +67,15 @@ def room_at(scene: Scene, rollout: Rollout, i: int, time: float) -> float:
 def too_near(
     scene: Scene, rollout: Rollout, i: int, span: Pair, level: float, slack: float
 ) -> tuple[bool, float]:
-    """Return whether body i has less room than a level within a span, and when first.
+    """Return whether the margin of body i falls below a threshold, and when first.
 
     Args:
         scene: With the body.
-        rollout: The way of the robot.
+        rollout: Of the robot.
         i: Number of the body.
-        span: From when until when, s.
-        level: Room, m.
-        slack: It is never false if there is less than level − slack, m, at any time.
+        span: Begin and end of the check, s.
+        level: Threshold, m.
+        slack: False only if the margin is at least level − slack, m, at all times.
     """
     arcs, dt, (time, end) = rollout.arcs, scene.longest, span
     body, count, row = body_at(scene, i), arcs.shape[0], 0
@@ -86,7 +85,7 @@ def too_near(
         row = arc_index(arcs, row, time)
         arc = arc_at(arcs, row)
         at = frame_at(arc, time, dt)
-        # A distance of two circles costs a root, a contact all edges.
+        # A distance of two circles costs one root, a contact all edges.
         spare = circle_room(scene, body, time, at) - growth * time - level
         if spare > AFAR:
             wait = spare / passing if passing > 0.0 else math.inf
@@ -99,17 +98,17 @@ def too_near(
             driven, least = arc_twist(arc, time, dt), keep - slack
             wait = line_time(body, contact, ends, driven, (least, growth))
             if row + 1 < count:
-                # The bound holds for what this arc drives; the next is looked at from
-                # its beginning.
+                # The bound holds for this arc's twist; the next one is sampled at its
+                # start.
                 wait = min(wait, arc_at(arcs, row + 1).begin - time)
             if pace > 0.0:
-                # The plain bound by the greatest speed [Mirtich1996] holds across arcs,
-                # and may be the longer one.
+                # The bound by the greatest speed [Mirtich1996] holds across arcs, and
+                # may be the longer one.
                 wait = max(wait, (contact.distance - least - BOUND_ROUNDING) / pace)
         time += wait
         if time >= end:
             return False, end
-    # Undecided after all looks: too near, which is the safe answer.
+    # Undecided after all samples: too near, which is conservative.
     return True, time
 
 
@@ -117,17 +116,17 @@ def too_near(
 def least_room(
     scene: Scene, rollout: Rollout, i: int, span: Pair, enough: float
 ) -> tuple[float, float]:
-    """Return the least room of body i as far as it is found, m, and when it is.
+    """Return the least sampled margin of body i, m, and its time, s.
 
-    Looked for at times :data:`STEP` apart, at most :data:`LOOKS` of them, and then
-    about the least.
+    Sampled every :data:`STEP`, at most :data:`LOOKS` times, then bisected about the
+    least.
 
     Args:
         scene: With the body.
-        rollout: The way of the robot.
+        rollout: Of the robot.
         i: Number of the body.
-        span: From when until when, s.
-        enough: m; returned where it is not less.
+        span: Begin and end of the search, s.
+        enough: Upper bound of the result, m.
     """
     arcs, dt, (time, end) = rollout.arcs, scene.longest, span
     body, least, when, row = body_at(scene, i), enough, -1.0, 0
@@ -146,10 +145,10 @@ def least_room(
                 least, when = room, time
         if time >= end:
             break
-        # So many steps cannot bring the room below the least so far.
+        # Within so many steps the margin cannot fall below the least so far.
         steps, way = 1.0, speed * step
         if way > 0.0:
-            steps = max(math.floor(min((room - least) / way, MOST_STEPS)), 1.0)
+            steps = max(math.floor(min((room - least) / way, MOST_SKIPPED)), 1.0)
         time = min(time + steps * step, end)
     for _ in range(REFINEMENTS if when >= 0.0 else 0):
         step *= 0.5

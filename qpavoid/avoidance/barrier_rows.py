@@ -1,4 +1,4 @@
-"""Control barrier function rows of the QP: d̂_oᵀ J_0 u ≥ b, one for each contact."""
+"""Control barrier function rows of the QP: d̂_oᵀ J_0 u ≥ b, one per contact."""
 
 import math
 
@@ -18,17 +18,16 @@ from qpavoid.model.capsules import greatest_speed
 from qpavoid.model.contact import approach_row
 from qpavoid.model.contacts import ObstacleContact, contact_at
 from qpavoid.model.robot import braking_steps, limits_of, stopping_time
-from qpavoid.qp.exact import A_OMEGA, A_V, OWNER, B
+from qpavoid.qp.exact import A_OMEGA, A_V, ROW_OWNER, B
 from qpavoid.types import Array, Box, Pair
 
 BARRIER = 0
 
 SPEED_AT_REST = 0.01
-"""m/s; an obstacle up to this speed counts as at rest."""
+"""m/s; greatest speed of an obstacle that counts as static."""
 
 R_MIN_TOLERANCE = 1e-3
-"""ε in m: by how much r_min may be undercut, by rounding and iteration; half of r_min
-where that is less."""
+"""ε in m: tolerance of r_min for rounding and iteration; at most half of r_min."""
 
 
 @compiled
@@ -42,7 +41,7 @@ def tolerated(settings: npt.NDArray[np.void]) -> float:
 def wanted_distance(
     settings: FilterSettings, speed: float, age: float
 ) -> tuple[float, float]:
-    """Return r_min(v_o), and the same with the widening of the margins, in m."""
+    """Return r_min(v_o), and the required distance: r_min and the inflation, in m."""
     s = settings[0]
     r_min = safety_radius(speed, radius_curve(settings))
     wider = widening(speed, age, s.error, s.obstacle_acceleration, s.dt)
@@ -56,11 +55,11 @@ def row_reach(
     capsules: Array,
     age: float,
 ) -> float:
-    """Return the distance, m, beyond which nothing can violate a row or bar a stop.
+    """Return the distance, m, beyond which no row is violated and no stop obstructed.
 
-    The distance shrinks at most at V = |v| + |ω|·R + |v_o|, hence a barrier
-    row can only be violated where γ(d − r_min) < V, and a stop only be barred within
-    V·τ; a repulsion row exists below r.
+    The distance shrinks at most at V = |v| + |ω|·R + |v_o|, hence a barrier row can
+    only be violated where γ(d − r_min) < V, and a stop only be obstructed within V·τ; a
+    repulsion row exists below r.
     """
     limits = limits_of(robot)
     s = settings[0]
@@ -71,7 +70,7 @@ def row_reach(
     v = max(-limits.v_min, limits.v_max)
     omega = max(-limits.omega_min, limits.omega_max)
     # No point of the footprint is farther than R from the axle's middle: |v| + |ω| R
-    # bounds the speed of P_r, whichever point that is.
+    # bounds the speed of any P_r.
     speed = v + omega * limits.circumradius + fastest
     # 1/γ' of the gain γ' = γ/(1 + γκ) that a growing r_min leaves, see constraint_rows.
     time = 1.0 / s.gamma + s.closing_gain
@@ -96,39 +95,38 @@ def is_redundant(row: Pair, bound: float, box: Box) -> bool:
     """Return whether a row holds for every twist of a box."""
     least = least_value(row[0], box.v_min, box.v_max)
     least += least_value(row[1], box.omega_min, box.omega_max)
-    # What is far away ends here: a row less is a half-plane less in every round of the
-    # exact solver.
+    # Drops the rows of distant obstacles, which saves time in each round of the solver.
     return not least < bound
 
 
 @compiled
 def closing_bound(robot: Array, dt: float, row: Pair, stopping_margin: float) -> float:
-    """Return the greatest closing speed, m/s, that leaves a stop within a margin, m.
+    """Return the greatest closing speed, m/s, that allows a stop within a margin, m.
 
-    A speed c that ends at a deceleration a, one step of dt later at the earliest, goes
-    c·dt + c²/(2a) far. The row's own a is that of its stronger component; a guide for
-    the QP, while :mod:`qpavoid.avoidance.judge` has the last word.
+    At a speed c and a deceleration a that starts after dt, stopping takes
+    c·dt + c²/(2a). The row's a is that of its stronger component; this guides the QP,
+    :mod:`qpavoid.avoidance.judge` verifies.
     """
     limits = limits_of(robot)
     if limits.acceleration == math.inf or limits.angular_acceleration == math.inf:
         return float(stopping_margin / dt)
     a_v, a_omega = row
-    # Of c² + 2a·dt·c = 2a·margin the positive root.
+    # The positive root of c² + 2a·dt·c = 2a·margin.
     a = max(abs(a_v) * limits.acceleration, abs(a_omega) * limits.angular_acceleration)
     return float(math.sqrt(a * a * dt * dt + 2.0 * a * stopping_margin) - a * dt)
 
 
 @compiled
 def speed_of(contact: ObstacleContact) -> float:
-    """Return how fast an obstacle is at its contact, m/s."""
+    """Return the speed of an obstacle at its contact, m/s."""
     return math.sqrt(contact.v_x * contact.v_x + contact.v_y * contact.v_y)
 
 
 @compiled_once
 def may_be_here(contacts: Array, settings: npt.NDArray[np.void], age: float) -> bool:
-    """Return whether an obstacle may have come farther than r_min, and so too near.
+    """Return whether an obstacle may have moved by more than r_min since measured.
 
-    Since it was measured, see :class:`qpavoid.avoidance.settings.Margins`.
+    See :class:`qpavoid.avoidance.settings.Margins`.
     """
     s = settings[0]
     for k in range(contacts.shape[0] if age > 0.0 else 0):
@@ -148,13 +146,13 @@ def contact_bound(
     keep: Pair,
     age: float,
 ) -> tuple[float, float, float]:
-    """Return a_v (1), a_ω (m/rad) and b (m/s) of a contact; b = −∞: it gets no row.
+    """Return a_v (1), a_ω (m/rad) and b (m/s) of a contact; b = −∞ if it has no row.
 
     Args:
         contact: Of the obstacle.
         robot: Its limits.
         settings: Of the filter.
-        keep: r_min(v_o), and what is to be kept with the margins, m.
+        keep: r_min(v_o), and the required distance, m.
         age: Of the measurement, s.
     """
     s, c, (r_min, wanted) = settings[0], contact, keep
@@ -162,16 +160,15 @@ def contact_bound(
     if s.bound == BARRIER:
         room, speed = c.distance - wanted, speed_of(c)
         if room < 0.0:
-            # Where it was measured is what is left, not where it may be since.
+            # The measured position counts, without the inflation by age.
             room = min(room + come_since(speed, age, s.obstacle_acceleration), 0.0)
-        # Where room ≤ 0 the row asks them to part, and what parts has no closing speed
-        # by which r_min would grow: γ itself.
+        # For a margin ≤ 0 the row requires separation, without a closing speed that
+        # r_min would grow with: γ itself.
         bound = (
             -(s.gamma / (1.0 + s.gamma * s.closing_gain) if room > 0.0 else s.gamma)
             * room
         )
-        # To be able to stop is enough only before what stands; what moves is judged
-        # over time.
+        # The stopping distance applies to static obstacles; moving ones are predicted.
         if s.braking_room and speed <= SPEED_AT_REST and room > 0.0:
             bound = max(bound, -closing_bound(robot, s.dt, (a_v, a_omega), room))
         return a_v, a_omega, bound - (c.n_x * c.v_x + c.n_y * c.v_y)
@@ -185,7 +182,7 @@ def contact_bound(
 def set_row(row: Array, slope: Pair, bound: float, owner: int) -> None:
     """Write a row: a_v (1), a_ω (m/rad), b (m/s) and the obstacle."""
     row[A_V], row[A_OMEGA] = slope
-    row[B], row[OWNER] = bound, owner
+    row[B], row[ROW_OWNER] = bound, owner
 
 
 @compiled
@@ -198,27 +195,27 @@ def constraint_rows(
     ahead: bool,
     rows: Array,
 ) -> int:
-    """Fill A, b and the obstacle of the contacts' rows; return how many.
+    """Fill in A, b and the obstacle of the contacts' rows; return their number.
 
-    The row of a contact is d̂_oᵀ J_0 (1, m/rad). With the bound ``barrier`` the distance
-    obeys ḋ = d̂_oᵀ(J_0 u − v_o) ≥ −γ(d − r_min), hence b = −γ(d − r_min) + d̂_oᵀ v_o,
-    and not faster towards an obstacle at rest than it can stop. Where r_min grows by κ
-    times the closing speed −ḋ, the same with γ/(1 + γκ). With ``repulsion`` b is ẋ_0
+    The row of a contact is d̂_oᵀ J_0 (1, m/rad). With the bound ``barrier`` the
+    distance obeys ḋ = d̂_oᵀ(J_0 u − v_o) ≥ −γ(d − r_min), hence b = −γ(d − r_min) +
+    d̂_oᵀ v_o, bounded for static obstacles by :func:`closing_bound`. If r_min grows by
+    κ times the closing speed −ḋ, γ becomes γ/(1 + γκ). With ``repulsion`` b is ẋ_0
     times its activation. In m/s. Rows that hold for every admissible twist are left
     out: they cannot change the answer.
 
     Args:
-        contacts: As :func:`qpavoid.model.contacts.contact_table` gives them.
-        robot: As :attr:`qpavoid.model.robot.Robot.limit_vector` gives it.
+        contacts: See :func:`qpavoid.model.contacts.contact_table`.
+        robot: See :attr:`qpavoid.model.robot.Robot.limit_vector`.
         settings: One :data:`qpavoid.avoidance.settings.RECORD`.
         box: Twists that can be driven next.
         age: Of the measurement, s.
-        ahead: Only obstacles that stand nearer than r_min − ε: the robot is to leave
-            them, while predictions tell how near it may come to all others.
-        rows: (n + 4, 9) filled; see :data:`qpavoid.qp.exact.WIDTH`.
+        ahead: Only static obstacles nearer than r_min − ε, which the robot has to
+            leave; all others are constrained by predictions.
+        rows: (n + 4, 9) filled; see :data:`qpavoid.qp.exact.ROW_WIDTH`.
     """
     s, still, count = settings[0], wanted_distance(settings, 0.0, age), 0
-    # Predictions count r_min − ε as kept: only what is nearer needs a row of its own.
+    # Predictions tolerate r_min − ε: only nearer obstacles need a row of the present.
     near = still[1] - tolerated(settings)
     for k in range(contacts.shape[0]):
         c = contact_at(contacts, k)
@@ -237,7 +234,7 @@ def constraint_rows(
 
 @compiled
 def wheel_rows(robot: Array, rows: Array) -> int:
-    """Fill in those of the wheels, ±v ± ω b/2 ≥ −w_max; return how many."""
+    """Fill in the wheels' rows, ±v ± ω b/2 ≥ −w_max; return their number."""
     limits, count = limits_of(robot), 0
     # Four half-planes, a diamond in (v, ω) with its corners on the axes.
     half, most = 0.5 * limits.track, limits.wheel_speed

@@ -1,7 +1,6 @@
-"""Bodies: the obstacles in reach, each with the distance that is to be kept from it.
+"""Bodies: obstacles within reach, or their edges, each with its required distance.
 
-A body is an obstacle, or an edge of one. Robot frame of the present; bodies keep their
-velocities.
+In the robot frame of the present; bodies have constant velocities.
 """
 
 import math
@@ -48,13 +47,13 @@ from qpavoid.types import Array, Arrays, Pair
 
 @compiled_once
 def bodies_in_reach(scene: Scene, obstacles: Arrays, age: float, horizon: float) -> int:
-    """Fill in the bodies within reach of any rollout; return how many.
+    """Fill in the bodies within reach of any rollout; return their number.
 
-    Within ``horizon`` s (0: not looked ahead), what stands also for as long as a stop
-    takes then: wherever a plan may lead until it ends. Where r_min grows with the
-    closing speed it is that of the axle's middle, driven as last. From static bodies
-    nearer than r_min, and from static bodies behind these, no more than their present
-    clearance is to be kept: a wall of points is kept from like a wall.
+    Within ``horizon`` s (0: no look-ahead), static bodies also for the stopping time
+    after it. If r_min grows with the closing speed, it is that of the axle's middle
+    with the twist last driven. For static bodies inside r_min, and static bodies behind
+    their tangents, the required distance is capped at the present one: a wall given as
+    points is treated as a wall.
     """
     robot, s = scene.robot, scene.settings[0]
     radius = limits_of(robot).circumradius
@@ -90,16 +89,16 @@ def bodies_in_reach(scene: Scene, obstacles: Arrays, age: float, horizon: float)
         cap_behind(scene, count, tangent_of_nearest(scene, count, one.normal))
     if horizon > 0.0:
         group_points(scene, first)
-    # Points keep the order of the scan, in which neighbours make groups.
+    # Points keep the order of the scan, in which neighbours form groups.
     sort_bodies(bodies[first:count])
     return count
 
 
 @compiled_once
 def tangent_of_nearest(scene: Scene, count: int, side: Pair) -> Tangent:
-    """Return the tangent of the nearest static body inside r_min, but not in contact.
+    """Return the tangent of the nearest static body inside r_min, not in contact.
 
-    With its margins. Arguments as :func:`qpavoid.avoidance.tangent.nearest_tangent`.
+    With its inflation. Arguments as :func:`qpavoid.avoidance.tangent.nearest_tangent`.
     """
     slack, nearest = tolerance(scene), no_tangent(side)
     near = scene.settings[0].r_min_slow - slack - ROUNDED_IN
@@ -117,7 +116,7 @@ def tangent_of_nearest(scene: Scene, count: int, side: Pair) -> Tangent:
 
 @compiled_once
 def cap_behind(scene: Scene, count: int, tangent: Tangent) -> None:
-    """Cap the clearance to keep from static bodies behind a tangent at its distance."""
+    """Cap the required distance of static bodies behind a tangent at its distance."""
     for i in range(count):
         b, most = body_at(scene, i), tangent.distance + tolerance(scene)
         excess = b.keep - b.inflation - most
@@ -136,7 +135,7 @@ def cap_behind(scene: Scene, count: int, tangent: Tangent) -> None:
 
 @compiled_once
 def point_body(scene: Scene, place: Pair, low: float, owner: int) -> Body:
-    """Return a point that stands, and from which ``low`` m are to be kept."""
+    """Return a static point with the required distance ``low``, m."""
     (x, y), keep, margin, z = place, low, low - scene.settings[0].r_min_slow, 0.0
     if scene.settings[0].closing_gain > 0.0:
         keep += closing_margin(scene, place, (0.0, 0.0))
@@ -149,16 +148,16 @@ def point_body(scene: Scene, place: Pair, low: float, owner: int) -> Body:
 def capsule_body(
     scene: Scene, capsules: Array, i: int, age: float, horizon: float
 ) -> Body:
-    """Return a capsule that stands, moves, or creeps, where the horizon is 0.
+    """Return the body of a capsule: static, moving, or growing without look-ahead.
 
-    The end farther back comes first: which was given first decides nothing.
+    Its end farther back comes first, independent of the order of input.
 
     Args:
         scene: Of the step.
         capsules: The table.
         i: Row of it.
         age: Of the measurement, s.
-        horizon: Of the look-ahead, s; 0: there is none.
+        horizon: Of the look-ahead, s; 0: none.
     """
     c, speed, growth = capsules[i], speed_bound(capsules, i), 0.0
     x, y, v_x, v_y = c[PIVOT_X], c[PIVOT_Y], c[V_X], c[V_Y]
@@ -181,13 +180,13 @@ def capsule_body(
 
 @compiled_once
 def keep_at_most(scene: Scene, body: Body) -> Body:
-    """Cap the distance to keep from a static body at the present one plus ε."""
+    """Cap the required distance of a static body at the present one plus ε."""
     far, b = limits_of(scene.robot).circumradius + body.spread, body
     if b.kind == MOVES or b.x**2 + b.y**2 >= far * far:
         return body
     distance, growth = line_contact_now(scene.edges, body).distance, b.growth
-    # Where r_min is lost already, no plan would keep it, not even standing still; so no
-    # more is asked for than there is, and the rows of the present lead out.
+    # Inside r_min no plan keeps it, not even standing still; the rows of the present
+    # lead out.
     missing = b.keep - distance - tolerance(scene)
     if missing > 0.0:
         growth = 0.0
@@ -201,11 +200,10 @@ def keep_at_most(scene: Scene, body: Body) -> Body:
 
 @compiled_once
 def closing_margin(scene: Scene, place: Pair, velocity: Pair) -> float:
-    """Return by how much r_min grows as robot and obstacle close in, m."""
+    """Return the increase of r_min with the closing speed, m."""
     closing, (x, y), (v_x, v_y) = scene.settings[0].closing_gain, place, velocity
     if closing == 0.0:
         return 0.0
-    # The direction of the pivot stands for the normal, which is not known before the
-    # contact is.
+    # The direction of the pivot approximates the contact's normal.
     apart = max(math.sqrt(x * x + y * y), TINY)
     return float(closing * max(((scene.last[0] - v_x) * x - v_y * y) / apart, 0.0))

@@ -1,4 +1,4 @@
-"""The table of bodies: a moving segment a row, and the distance to keep from it."""
+"""Table of bodies: one moving segment per row, with its required distance."""
 
 from typing import NamedTuple
 
@@ -10,27 +10,27 @@ from qpavoid.types import Array
 
 
 class Body(NamedTuple):
-    """A moving segment, and the distance to keep from it: r_min and the inflation.
+    """A moving segment with its required distance: r_min and the inflation.
 
     Attributes:
         x: Of the pivot, m.
-        y: The same.
+        y: Of the pivot, m.
         x1: Of one end from the pivot, m.
-        y1: The same.
+        y1: Of one end from the pivot, m.
         x2: Of the other end.
-        y2: The same.
+        y2: Of the other end.
         v_x: Of the pivot, m/s.
-        v_y: The same.
+        v_y: Of the pivot, m/s.
         turn: rad/s.
-        keep: Distance to keep: radius, margins, r_min; m.
-        inflation: What of it is not r_min, m.
-        spread: Radius round the pivot that holds the line and what is kept, m.
-        speed: Greatest of a point of it, m/s.
-        growth: How fast the distance to keep grows, m/s.
+        keep: Required distance: radius, inflation, r_min; m.
+        inflation: Required distance minus r_min, m.
+        spread: Radius about the pivot of segment and required distance, m.
+        speed: Greatest of its points, m/s.
+        growth: Rate of growth of the required distance, m/s.
         kind: :data:`STANDS`, :data:`MOVES` or :data:`CREEPS`.
         owner: Number of the obstacle.
-        now: Room that there is now of what stands near, m, else ``inf``.
-        group: Number of the group that begins with it; −1: none.
+        now: Present margin of a static body inside r_min, m, else ``inf``.
+        group: Number of the group that begins with it, or −1.
     """
 
     x: float
@@ -58,17 +58,16 @@ BODY = len(Body._fields)
 KIND, OWNER, GROUP = map(Body._fields.index, ("kind", "owner", "group"))
 
 STANDS, MOVES, CREEPS = 0.0, 1.0, 2.0
-"""Kinds. What is slow creeps for a filter that does not look ahead: it stands, and
-grows as fast as it moves, whatever its direction."""
+"""Kinds: static, moving, and, without look-ahead, a slow obstacle modelled as static
+and growing at its speed."""
 
 
 @compiled
 def body_at(scene: Scene, i: int) -> Body:
-    """Return row i of the table, with what is wanted in this scene."""
+    """Return row i of the table, with r_min capped as the scene says."""
     b = scene.bodies[i]
     keep, inflation, spread, kind, now = b[9], b[10], b[11], b[14], b[16]
-    # Only r_min is waived, never the inflation: what may be wrong about an obstacle is
-    # as wrong where it is tight.
+    # Only r_min is capped, not the inflation, which covers errors.
     if kind != MOVES:
         waived = max(keep - inflation - scene.closest, 0.0)
         keep, spread, now = keep - waived, spread - waived, now + waived
@@ -90,7 +89,7 @@ def set_body(bodies: Array, i: int, body: Body) -> None:
 
 @compiled_once
 def comes_first(bodies: Array, i: int, j: int) -> bool:
-    """Return whether row i comes before row j by the first number that differs."""
+    """Return whether row i is before row j in lexicographic order."""
     for column in range(OWNER):
         if bodies[i, column] != bodies[j, column]:
             return bool(bodies[i, column] < bodies[j, column])
@@ -99,11 +98,8 @@ def comes_first(bodies: Array, i: int, j: int) -> bool:
 
 @compiled_once
 def sort_bodies(bodies: Array) -> None:
-    """Sort the rows, so that the order in which obstacles are given decides nothing.
-
-    Shell's method, in place.
-    """
-    # Not numpy's sort: it would allocate, and the C export has none.
+    """Sort the rows by Shell's method, independent of the order of input."""
+    # Not numpy's sort, which allocates and is not in the C export.
     gap = count = bodies.shape[0]
     while gap > 1:
         gap = max(gap * 5 // 11, 1)
@@ -140,7 +136,7 @@ def is_point(body: Body) -> bool:
 
 @compiled_once
 def line_contact_now(edges: Array, body: Body) -> Contact:
-    """Return the contact of the footprint with the line of a body at present."""
+    """Return the present contact of the footprint with the segment of a body."""
     x, y = body.x, body.y
     if is_point(body):
         return point_contact(edges, x, y)

@@ -1,10 +1,9 @@
-"""Broad phase: which bodies need a look along a rollout, and which come too near.
+"""Broad phase: bodies to be checked along a rollout, and the first violation.
 
-What keeps away by the circles round footprint and body is left out, and so is a whole
-group at once. Points that follow one another, as those of a scan do, share a wall that
-has no more room than any of them (:func:`qpavoid.avoidance.groups.group_of`): where
-that is found to keep the level, and :data:`SPARE` at every look, none of them is looked
-at.
+Bodies are skipped by the circles round footprint and body, and in groups. Successive
+points, as of a scan, share a wall whose margin is at most that of any of them
+(:func:`qpavoid.avoidance.groups.group_of`): if the wall's keeps the threshold, and
+:data:`SPARE` at every sample, none of the points is checked.
 """
 
 from typing import NamedTuple
@@ -18,15 +17,15 @@ from qpavoid.compiled import compiled_once
 from qpavoid.types import Pair
 
 SPARE = 0.02
-"""m; with so little more room than matters a group counts as near."""
+"""m; excess of a group's margin below which its points are checked one by one."""
 
 
 class Meeting(NamedTuple):
     """First violation along a rollout.
 
     Attributes:
-        body: Its number; −1: nothing does.
-        time: When it does first, s.
+        body: Its number, or −1.
+        time: Of the violation, s.
     """
 
     body: int
@@ -34,12 +33,12 @@ class Meeting(NamedTuple):
 
 
 class Watch(NamedTuple):
-    """What is looked at along a rollout.
+    """Time spans and thresholds of a check along a rollout.
 
     Attributes:
-        moving: Up to when what moves is, s (below 0: it is not), and the room that it
-            has to leave, m.
-        still: The same for what stands.
+        moving: For moving bodies: end of the check, s (below 0: none), and threshold of
+            the margin, m.
+        still: For static bodies.
     """
 
     moving: Pair
@@ -47,14 +46,14 @@ class Watch(NamedTuple):
 
 
 UNWATCHED = (-1.0, 0.0)
-"""Of a :class:`Watch`: not looked at."""
+"""Entry of a :class:`Watch` without a check."""
 
 
 @compiled_once
 def next_body(scene: Scene, rollout: Rollout, i: int, watch: Watch) -> int:
-    """Return the first body from i on that may come too near; their number: none.
+    """Return the first body from i on that needs a check, or the number of bodies.
 
-    Left out is what keeps away by its circle, and together with its group.
+    Bodies are skipped by their circles and by their groups.
     """
     count: int = scene.bodies.shape[0]
     while i < count:
@@ -62,7 +61,7 @@ def next_body(scene: Scene, rollout: Rollout, i: int, watch: Watch) -> int:
         if moves(scene, i):
             wanted = watch.moving
         end, level = wanted
-        # A group is far as a whole: its owner is the row after its last point.
+        # The owner of a group is the row after its last point.
         if row >= 0 and (end < 0.0 or is_far(scene, rollout, row, wanted)):
             i = int(scene.groups[row, OWNER])
         elif end < 0.0 or stays_away(scene, rollout, i, end, level):
@@ -74,10 +73,10 @@ def next_body(scene: Scene, rollout: Rollout, i: int, watch: Watch) -> int:
 
 @compiled_once
 def is_far(scene: Scene, rollout: Rollout, row: int, wanted: Pair) -> bool:
-    """Return whether a group keeps a level of room up to a time, and more at a look."""
+    """Return whether a group keeps a threshold up to a time; ``wanted``: both."""
     (end, level), near = wanted, False
     groups = altered(scene, scene.groups, scene.drift, scene.closest)
-    # SPARE at every look, and a miss of SPARE in between, leave the level itself.
+    # SPARE at every sample, and a miss of SPARE in between, leave the threshold.
     if not stays_away(groups, rollout, row, end, level):
         near, _ = too_near(groups, rollout, row, (0.0, end), level + SPARE, SPARE)
     return not near
@@ -85,7 +84,7 @@ def is_far(scene: Scene, rollout: Rollout, row: int, wanted: Pair) -> bool:
 
 @compiled_once
 def keeps_all(scene: Scene, rollout: Rollout, watch: Watch) -> bool:
-    """Return whether no body comes too near."""
+    """Return whether no body violates its threshold."""
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
         end, level = watch.moving if moves(scene, i) else watch.still
@@ -98,7 +97,7 @@ def keeps_all(scene: Scene, rollout: Rollout, watch: Watch) -> bool:
 
 @compiled_once
 def first_met(scene: Scene, rollout: Rollout, watch: Watch, slack: float) -> Meeting:
-    """Return when the first body that comes too near does, in the order of their rows.
+    """Return the first body, in the order of rows, that violates, and when.
 
     ``slack``: see :func:`too_near`.
     """

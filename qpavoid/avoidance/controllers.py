@@ -1,4 +1,4 @@
-"""Controllers: every method behind the same call, with a fresh state for every run."""
+"""Controllers: all methods behind one call, with a new state for every run."""
 
 from dataclasses import dataclass
 from time import perf_counter
@@ -18,7 +18,7 @@ from qpavoid.model.robot import Robot
 
 
 class StepContext(NamedTuple):
-    """Where the robot is and is to go: what a method may need that plans for itself.
+    """State of robot and reference, for methods that plan themselves.
 
     Attributes:
         pose: Of the robot, world frame: x, y (m), γ (rad).
@@ -36,7 +36,7 @@ class StepContext(NamedTuple):
 
 
 class Step(Protocol):
-    """One step of a method."""
+    """Step function of a method."""
 
     def __call__(
         self,
@@ -50,7 +50,7 @@ class Step(Protocol):
 
 
 class Controller(Protocol):
-    """A method with its settings; it holds no state of any run."""
+    """A method with its settings, without the state of a run."""
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
@@ -59,12 +59,12 @@ class Controller(Protocol):
 
 @dataclass(frozen=True)
 class RepulsionController:
-    """Eq. 5 or Eq. 7 added to the desired twist, then cut to the robot's limits.
+    """Eq. 5 or Eq. 7 added to the desired twist, cut to the robot's limits.
 
     Attributes:
         law: 5 or 7.
         robot: Footprint and limits.
-        settings: Radii and repulsion; the rest belongs to the QP.
+        settings: Radii and repulsion; the rest is unused.
     """
 
     law: int

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 
 class Status(StrEnum):
-    """Why the twist is what it is."""
+    """Reason for the twist of a step."""
 
     TRACKING = "tracking"
     FILTERED = "filtered"
@@ -22,48 +22,45 @@ class Status(StrEnum):
 
     @property
     def number(self) -> int:
-        """Its place in :data:`STATUSES`."""
+        """Index in :data:`STATUSES`."""
         return STATUSES.index(self)
 
     @property
     def sentence(self) -> str:
-        """The status in a sentence."""
+        """Description of the status, one sentence."""
         return SENTENCES[self]
 
 
 SENTENCES = {
-    Status.TRACKING: "The desired twist is admissible and is driven as it is.",
+    Status.TRACKING: "The desired twist is admissible and is driven unchanged.",
     Status.FILTERED: (
         "The nearest twist that the obstacles and the limits allow is driven."
     ),
     Status.RELAXED: (
-        "No admissible twist keeps every obstacle at bay; the one with the least "
+        "No admissible twist keeps all required distances; the one with the least "
         "violation is driven."
     ),
-    Status.STOPPED: "The solver gave no answer that holds; the robot brakes.",
+    Status.STOPPED: "The solver's answer failed its check; the robot brakes.",
     Status.REPELLED: "The repulsive velocity is added to the desired twist.",
     Status.SINGULAR: (
-        "The law has no value at this contact; the repulsion is left out."
+        "The law is singular at this contact; the repulsion is left out."
     ),
     Status.BRAKING: (
-        "No answer leaves room to stop; the robot brakes at full deceleration along "
-        "its arc."
+        "No safe twist was found; the robot brakes at full deceleration along its arc."
     ),
-    Status.BLOCKED: "There is no way round; the robot holds and wants a new plan.",
+    Status.BLOCKED: "No path was found; the robot holds and needs a new plan.",
     Status.STEERED: "The method drives a twist of its own instead of the desired one.",
     Status.PLANNED: (
-        "No answer of the QP keeps its distance; a plan that does is driven."
+        "No QP solution keeps the required distances; a plan that does is driven."
     ),
-    Status.HOLDING: (
-        "Nothing else is known to keep its distance; the robot holds still."
-    ),
+    Status.HOLDING: ("No other motion is known to be safe; the robot holds still."),
     Status.INVALID: (
-        "What is known may not be driven by; the robot stops among what stood when it "
-        "was seen last."
+        "Sensor data are invalid or stale; the robot stops clear of the last known "
+        "static obstacles."
     ),
 }
 STATUSES = tuple(Status)
-"""By the number that the compiled functions return."""
+"""All statuses, by the number that compiled functions return."""
 
 (
     TRACKING,
@@ -79,33 +76,31 @@ STATUSES = tuple(Status)
     PLANNED,
 ) = range(11)
 INVALID = -1
-"""What the compiled functions return of an input that is not valid: no status."""
+"""Code of compiled functions for invalid input; not a status."""
 
 AT_REST = 1e-3
-"""m/s and rad/s; a robot that drives less stands."""
+"""m/s and rad/s; a slower robot counts as standing still."""
 
 
 class Decision(NamedTuple):
-    """The twist to drive, and what is known about it.
+    """Twist of a step, with its status and checks.
 
     Attributes:
         v: Forward speed, m/s.
         omega: Yaw rate, rad/s.
-        status: Why; ``status.sentence`` says it in words.
+        status: Reason; ``status.sentence`` describes it.
         clearance: Signed distance to the nearest obstacle, m; ``inf`` without any.
         slack: Violation that had to be allowed, m/s; 0 unless relaxed.
-        residual: Greatest residual of our own check of the answer; 0 without a QP.
-        active: Numbers of the obstacles that hold the twist: points, discs, walls,
+        residual: Greatest residual of the certificate; 0 without a QP.
+        active: Numbers of the obstacles with active constraints: points, discs, walls,
             polygons.
         solve_time_s: Wall time of the whole call, s.
-        shortfall: By how much the plan of the twist undercuts r_min of what moves, as
-            far as can be foreseen, m; 0: by nothing, within the time that
-            :attr:`qpavoid.avoidance.filter.SafetyFilter.foreseen` says. Of what stands,
-            where that is nearer than before; what is nearer than r_min already may stay
-            so near.
+        shortfall: Greatest predicted violation of r_min of moving obstacles, m, within
+            :attr:`qpavoid.avoidance.filter.SafetyFilter.foreseen`; 0: none. Of static
+            obstacles only what exceeds their present violation.
         lateral: Speed to the left, m/s; 0 but for an omnidirectional base.
-        problem: What was wrong, in a sentence; empty: nothing. Of ``invalid`` always,
-            and then the clearance is NaN: nothing is known of it.
+        problem: Fault, a sentence; empty: none. With ``invalid`` always set, and then
+            the clearance is NaN.
     """
 
     v: float
@@ -122,9 +117,6 @@ class Decision(NamedTuple):
 
 
 def blocked_if(decision: Decision, no_way: bool) -> Decision:
-    """Return a decision as ``blocked`` where there is no way and the robot stands.
-
-    What still rolls out is not blocked yet, whoever found that there is no way.
-    """
+    """Return a decision as ``blocked`` if there is no path and the robot stands."""
     stands = max(abs(decision.v), abs(decision.omega)) < AT_REST
     return decision._replace(status=Status.BLOCKED) if no_way and stands else decision

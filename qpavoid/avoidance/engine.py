@@ -1,4 +1,4 @@
-"""What takes the steps of a filter: its back end, and all that it remembers."""
+"""Engine of a filter: its back end, and the state between steps."""
 
 import math
 from collections.abc import Callable
@@ -33,38 +33,38 @@ from qpavoid.model.given import (
 )
 from qpavoid.model.robot import UNLIMITED_TWIST, Robot
 from qpavoid.model.validation import NO_POLYGONS
-from qpavoid.qp.exact import OWNER, B
+from qpavoid.qp.exact import ROW_OWNER, B
 from qpavoid.qp.problem import FilterProblem, SolveStatus
 from qpavoid.qp.solve import BackEnd, load_back_end, solve
 from qpavoid.types import Array, Arrays, Box, Pair
 
 CONTACTS = 512
-"""For so many there is memory from the start; for more it is made."""
+"""Contacts that memory is allocated for at first; it grows on demand."""
 
 ELSEWHERE = (
-    "a filter remembers its robot's motion and belongs to the thread that uses it "
-    "first: make one filter a thread, or reset() it to hand it over"
+    "a filter holds its robot's state and belongs to the thread that uses it first: "
+    "make one filter per thread, or call reset() before another thread uses it"
 )
 
 OPEN = math.inf, math.inf
-"""No answer of a back end."""
+"""Absent answer of a back end."""
 
-POINTS, V, OMEGA = 3, 7, 8
-"""Places among the parameters of :func:`filter_step`."""
+POINTS_AT, V_AT, OMEGA_AT = 3, 7, 8
+"""Positions among the parameters of :func:`filter_step`."""
 
 NO_OTHERS = NO_DISCS, NO_POINTS, NO_WALLS, NO_POLYGONS, NO_TURNS
-GIVEN = V, OMEGA, POINTS, *NO_OTHERS, 0.0, None
-"""What comes with a call that is answered at once, and what stands for nothing."""
+GIVEN = V_AT, OMEGA_AT, POINTS_AT, *NO_OTHERS, 0.0, None
+"""Arguments of the fast call, with their defaults."""
 
 MADE = np.ndarray, Decision, STATUSES, np.zeros((2, 3))
 
 
 def nothing(*given: Any) -> None:
-    """Answer no call at once."""
+    """Fast call that never answers."""
 
 
 class Engine:
-    """Takes steps, and remembers what has been driven.
+    """State of a filter, and its step.
 
     Attributes:
         settings: Of the filter.
@@ -72,8 +72,8 @@ class Engine:
         solver: Name of the back end.
         ahead: Whether to look ahead.
         state: See :mod:`qpavoid.avoidance.state`; written in place.
-        thread: That it belongs to; 0: to none yet.
-        quick: The filter's call in one, for points alone; None: not so, or not valid.
+        thread: Owner; 0: none yet.
+        quick: Fast call for points alone; None: not applicable, or invalid input.
     """
 
     def __init__(
@@ -88,16 +88,16 @@ class Engine:
         self.use(named_back_end(solver))
 
     def forget(self) -> None:
-        """Be as at first; what another thread is at still has memory of its own."""
+        """Reset; memory is new, since another thread may still use the old one."""
         self.state = fresh_state()
         self._begin()
 
     def _begin(self) -> None:
-        self.thread, self.quick = 0, nothing  # bound to the thread that comes first
+        self.thread, self.quick = 0, nothing  # bound to the first thread that calls
         self._memory = np.empty(memory_size(CONTACTS, self.setup.settings))
 
     def use(self, back_end: BackEnd | None) -> None:
-        """Solve by a back end from now on; by None exactly."""
+        """Set the back end; None: the exact solver."""
         self.back_end = back_end
         self._be_quick()
 
@@ -107,13 +107,13 @@ class Engine:
         return {k: x for k, x in vars(self).items() if k not in own}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Take what :meth:`__getstate__` returned of another one."""
+        """Restore what :meth:`__getstate__` returned."""
         vars(self).update(state)
         self._begin()
         self.use(named_back_end(self.solver))
 
     def bind(self, thread: int) -> None:
-        """Belong to the thread that uses it first."""
+        """Bind to the first thread that uses it; ThreadError for another one."""
         if self.thread == thread:
             return
         if self.thread != 0:
@@ -122,11 +122,11 @@ class Engine:
         self._be_quick()
 
     def is_elsewhere(self) -> bool:
-        """Return whether it belongs to another thread than this one."""
+        """Return whether it belongs to another thread."""
         return self.thread not in (0, get_ident())
 
     def _be_quick(self) -> None:
-        """Hold what is the same in every call, where machine code can."""
+        """Prepare the fast call of machine code, if there is any."""
         self.quick = nothing
         if self.thread != 0 and self.back_end is None:
             given = NO_POINTS, NO_CAPSULES, 0.0, self.ahead, 0.0, 0.0
@@ -134,14 +134,14 @@ class Engine:
             self.quick = bound(filter_step, known, GIVEN, MADE) or nothing
 
     def drives(self, v: float, omega: float) -> None:
-        """Forget the plan of a robot that drives a twist."""
+        """Discard the plan; the robot drives a twist."""
         self.state[:] = 0.0
         set_driven(self.state, v, omega)
 
     def step(
         self, desired: Pair, arrays: Arrays, age: float, state: Array
     ) -> Outcome | tuple[Any, ...]:
-        """Return the outcome of a step, and bring the state given up to date."""
+        """Return the outcome of a step, and update the given state."""
         if self.back_end is not None:
             return self.by_parts(desired, arrays, age, state)[0]
         return self.step_exactly(desired, arrays, age, state)
@@ -149,7 +149,7 @@ class Engine:
     def step_exactly(
         self, desired: Pair, arrays: Arrays, age: float, state: Array
     ) -> tuple[Any, ...]:
-        """Do the same without a back end."""
+        """Return the outcome of a step with the exact solver; see :meth:`step`."""
         now = *self.setup, *arrays, age, self.ahead, *desired, state
         call: Callable[..., tuple[Any, ...]] = filter_step.call  # type: ignore[attr-defined]
         outcome = call(*now, self._memory)
@@ -166,7 +166,7 @@ class Engine:
     def by_parts(
         self, desired: Pair, arrays: Arrays, age: float, state: Array
     ) -> tuple[Outcome, FilterProblem | None]:
-        """Do what :func:`filter_step` does, one part after the other: any solver."""
+        """Do :func:`filter_step` in parts, with any solver; and return the problem."""
         setup = self.setup
         given = setup, Request(arrays, age, self.ahead, desired), state
         prepared = prepare(*given, self._memory)
@@ -197,7 +197,7 @@ class Engine:
         return outcome, problem
 
     def _answer(self, problem: FilterProblem) -> Pair:
-        """Return what the back end says; NaN where it fails, none without one."""
+        """Return the back end's twist: NaN if it fails, :data:`OPEN` without one."""
         if self.back_end is None:
             return OPEN
         solution = solve(problem, self.back_end, self.settings.slack_tolerance)
@@ -215,18 +215,18 @@ class Engine:
             b=rows[:, B],
             lower=np.array(box[::2]),
             upper=np.array(box[1::2]),
-            obstacle=rows[:, OWNER].astype(np.int64),
+            obstacle=rows[:, ROW_OWNER].astype(np.int64),
             n_hard=n_hard,
         )
 
 
 def named_back_end(solver: str) -> BackEnd | None:
-    """Return the back end of a name; None: ``exact``."""
+    """Return the back end of a name; None for ``exact``."""
     return None if solver == "exact" else load_back_end(solver)
 
 
 def as_decision(outcome: tuple[Any, ...], started: float) -> Decision:
-    """Return an :class:`Outcome`, named or not, that was begun at ``started``."""
+    """Return the decision of an :class:`Outcome` or its tuple, begun at ``started``."""
     code, v, omega, clearance, slack, residual, shortfall, first, second = outcome
     held = (first,) if second in (-1, first) else (first, second)
     active = held if first >= 0 else held[1:]

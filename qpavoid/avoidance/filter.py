@@ -1,4 +1,4 @@
-"""The safety filter: the twist nearest to the desired one that keeps its distance."""
+"""The safety filter: the twist nearest to the desired one that keeps distances."""
 
 import math
 from collections.abc import Sequence
@@ -47,32 +47,30 @@ HALT = (0.0, 0.0)
 
 
 class SafetyFilter:
-    """The twist nearest to a desired one that keeps every obstacle away: a CBF-QP.
+    """CBF-QP: the twist nearest to the desired one that keeps the required distances.
 
-    A control barrier function's constraint in a quadratic program: at every
-    call min (u − u_f)ᵀ W (u − u_f) over u = (v, ω) within all the robot's limits,
-    subject to d̂_oᵀ J_0 u ≥ b for every contact in reach, with b = −γ(d − r_min) +
-    d̂_oᵀ v_o (:func:`qpavoid.avoidance.barrier_rows.constraint_rows`). Looking ahead,
-    the rows are those of the distances at times to come, d_k(u) ≥ r_min, linearised
-    about the answer (:mod:`qpavoid.avoidance.lookahead`).
+    Every call solves min (u − u_f)ᵀ W (u − u_f) over u = (v, ω) within the robot's
+    limits, subject to d̂_oᵀ J_0 u ≥ b for every contact in reach, with
+    b = −γ(d − r_min) + d̂_oᵀ v_o
+    (:func:`qpavoid.avoidance.barrier_rows.constraint_rows`). With look-ahead, the rows
+    are those of future distances, d_k(u) ≥ r_min, linearised about the solution
+    (:mod:`qpavoid.avoidance.lookahead`).
 
-    What is driven has been judged as what it is, the beginning of a plan that keeps its
-    distance until the robot stands (:mod:`qpavoid.avoidance.judge`). What cannot be
-    satisfied goes down a ladder, and the desired twist is never passed on unchecked:
-    ``planned``, where no single twist will do; ``relaxed``, least violation first, then
-    nearest twist; ``braking`` along the arc at full deceleration; ``holding`` where
-    that is standing still.
+    A twist is driven only as the beginning of a plan verified to keep the required
+    distances until the robot stands still (:mod:`qpavoid.avoidance.judge`). Otherwise
+    the fallbacks are, in this order: ``planned``, a plan of two twists; ``relaxed``,
+    the least violation; ``braking`` along the arc at full deceleration; ``holding``.
+    The desired twist is never passed on unchecked.
 
-    It remembers the twist that it gave last with its plan: one filter for one robot,
-    and for one thread until :meth:`reset`.
+    The filter stores the last twist and its plan: one filter per robot, used by one
+    thread until :meth:`reset`.
 
     Args:
         robot: Footprint and limits.
         settings: Weights, bound, radii, look-ahead, control step.
         solver: Back end by name: ``exact``, ``osqp``, ``qpsolvers:daqp``, ``casadi``, …
-        ahead: Look ahead; else only the rows of the present are kept.
-        freshness: How old what :meth:`step` is told may be, and when it drives again
-            after a fault.
+        ahead: Look ahead; else only rows of the present are used.
+        freshness: Greatest ages of the inputs of :meth:`step`, and when a fault ends.
 
     Raises:
         UnknownNameError: No back end of that name.
@@ -92,10 +90,10 @@ class SafetyFilter:
         self._engine = Engine(robot, self._settings, solver, ahead)
         self._watch = StepWatch(freshness or Freshness(), self._settings.dt)
         self._seen: LastSeen | None = None
-        self._braked("", (0.0, 0.0))  # what is not compiled yet is slow: not then, now
+        self._braked("", (0.0, 0.0))  # compile now, not in an emergency
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy takes over: neither memory nor thread nor back end."""
+        """Return the state for a copy, without memory, thread and back end."""
         return deepcopy(vars(self))
 
     @property
@@ -115,42 +113,41 @@ class SafetyFilter:
 
     @property
     def ahead(self) -> bool:
-        """Whether it looks ahead."""
+        """Whether the filter looks ahead."""
         return self._engine.ahead
 
     @property
     def freshness(self) -> Freshness:
-        """How old what :meth:`step` is told may be."""
+        """Greatest ages of the inputs of :meth:`step`."""
         return self._watch.freshness
 
     @property
     def faults(self) -> dict[str, int]:
-        """How many faults :meth:`step` and :meth:`brake` have met, by input and why."""
+        """Number of faults in :meth:`step` and :meth:`brake`, by input and reason."""
         return dict(self._watch.faults)
 
     @property
     def plan(self) -> Plan:
-        """What is left, after the twist given last, of the plan that it began."""
+        """Remaining plan after the last twist."""
         return kept_plan(self._engine.state)
 
     @property
     def foreseen(self) -> float:
-        """Time ahead for which the plan has been checked against moving obstacles, s.
+        """Time for which the plan has been checked against moving obstacles, s.
 
-        Counted from the end of the last step; up to then the ``shortfall`` of its
-        decision is known. The horizon less a control step where the plan is new; less
-        where it is the rest of an earlier one, as it may be for ``planned``. 0 for a
-        filter that does not look ahead.
+        From the end of the last step; the ``shortfall`` of its decision covers it. The
+        horizon minus a control step for a new plan; less if an earlier one is carried
+        on, as it may be for ``planned``. 0 without look-ahead.
         """
         return float(self._engine.state[UNTIL]) if self.ahead else 0.0
 
     @property
     def _last(self) -> Pair:
-        """The twist that was given last, v in m/s and ω in rad/s."""
+        """The last twist, v in m/s and ω in rad/s."""
         return self._engine.state[0].item(), self._engine.state[1].item()
 
     def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
-        """Forget plan and thread; the robot drives (v, ω), or the nearest it can."""
+        """Reset plan and thread; the robot drives (v, ω), cut to its limits."""
         driven = as_driven((v, omega), self._engine.setup.robot)
         self._engine.forget()
         self._engine.drives(*driven)
@@ -174,19 +171,18 @@ class SafetyFilter:
         Args:
             v: Desired forward speed, m/s.
             omega: Desired yaw rate, rad/s, counter-clockwise.
-            points: (N, 2) sensed points, m, from where the robot is now; with an empty
-                array there are none. Or :class:`Obstacles`, and then no others.
+            points: (N, 2) sensed points, m, in the present robot frame; may be empty.
+                Or :class:`Obstacles`, without the other arrays.
             discs: (M, 3) x, y, radius, m.
-            disc_velocities: (M, 2) velocities over ground in robot axes, m/s; without
-                them discs stand still.
+            disc_velocities: (M, 2) velocities over ground in robot axes, m/s; default
+                0.
             walls: (K, 4) segments x1, y1, x2, y2, m.
             polygons: Of each its (n, 2) vertices, m, convex and counter-clockwise.
             polygon_velocities: (P, 3) v_x, v_y, m/s, and rate of turn, rad/s.
-            age: s since the obstacles were measured; widens them, see
+            age: s since the obstacles were measured; inflates them, see
                 :class:`qpavoid.avoidance.settings.Margins`.
-            driven: (v, ω) that the robot drives at present, where it is not what the
-                filter gave last; accelerations count from it. Beyond the limits it
-                counts as the nearest twist within.
+            driven: Measured (v, ω), default the filter's last twist; accelerations are
+                relative to it. It is projected onto the limits.
 
         Raises:
             InvalidInputError: A shape does not fit, a number is not finite, a radius or
@@ -214,7 +210,7 @@ class SafetyFilter:
     def _decided(
         self, v: float, omega: float, given: Given, age: float, driven: Pair | None
     ) -> Decision:
-        """Do the same for whatever is given."""
+        """Return the decision for any kind of arguments; see :meth:`filter`."""
         started, engine = perf_counter(), self._engine
         engine.bind(get_ident())
         desired, age = as_twist(v, omega), as_age(age)
@@ -236,25 +232,24 @@ class SafetyFilter:
         driven: tuple[float, float] | None = None,
         **named: Any,
     ) -> Decision:
-        """Return the decision of :meth:`filter`; it does not raise but brakes.
+        """Return the decision of :meth:`filter`; on an error brake instead of raising.
 
-        Whatever is wrong is a decision ``invalid`` with its ``problem``: the robot
-        stops, and drives again only after
-        :attr:`qpavoid.avoidance.freshness.Freshness.good` seconds of good steps, or
-        :meth:`acknowledge`. It stops as the filter stops among what stood in the last
-        good step; where there was none, along its arc at full deceleration. At rest it
-        stays. ``None`` for obstacles is no data, and wrong; where there are none an
-        empty array says so. Only ``KeyboardInterrupt`` is passed on, and where Python
-        has no stack left its ``RecursionError``.
+        Any fault gives a decision ``invalid`` with its ``problem``: the robot stops,
+        and drives again only after :attr:`qpavoid.avoidance.freshness.Freshness.good`
+        seconds of good steps, or :meth:`acknowledge`. It stops clear of the static
+        obstacles of the last good step; without one, along its arc at full
+        deceleration. ``None`` for obstacles means no data, a fault; without obstacles
+        pass an empty array. Only ``KeyboardInterrupt`` is raised, and Python's
+        ``RecursionError`` if no stack is left.
 
         Args:
-            given: v, ω and obstacles as :meth:`filter` takes them.
-            stamps: When what is given was measured; it has to be fresh, in order and
-                not blind. Without stamps the age alone is looked at.
-            age: s since the obstacles were measured, where stamps do not say more. Not
-                above the ``points`` of the freshness.
-            driven: See :meth:`filter`; the robot brakes from it, too.
-            named: Obstacles by name. Arrays are kept as they are till a good step.
+            given: v, ω and obstacles as for :meth:`filter`.
+            stamps: Times of measurement; they have to be fresh, in order and not blind.
+                Without stamps only the age is checked.
+            age: s since the obstacles were measured, if stamps do not say more; at most
+                ``points`` of the freshness.
+            driven: See :meth:`filter`; braking starts from it, too.
+            named: Obstacles by name. Arrays are stored uncopied until a good step.
         """
         found: Decision | BaseException
         if self._engine.is_elsewhere():
@@ -283,18 +278,16 @@ class SafetyFilter:
         driven: tuple[float, float] | None = None,
         seen: Obstacles | None = None,
     ) -> Decision:
-        """Return a decision ``invalid`` that stops the robot, and do not raise.
+        """Return a decision ``invalid`` that stops the robot, without raising.
 
-        For what goes wrong outside; it stops, and the same counts afterwards, as after
-        a fault that :meth:`step` finds. From another thread than the filter's it
-        changes nothing.
+        For faults outside the filter; recovery as after a fault that :meth:`step`
+        finds. Called from another thread than the filter's it changes no state.
 
         Args:
-            problem: What the decision is to say.
-            driven: (v, ω) that the robot drives at present, where it is not what the
-                filter gave last; one that is not valid is not used.
-            seen: Obstacles that are known, robot frame; those of the last good step if
-                there are none.
+            problem: Sentence for the decision.
+            driven: Measured (v, ω), default the filter's last twist; ignored if
+                invalid.
+            seen: Known obstacles, robot frame; default those of the last good step.
         """
         if not self._engine.is_elsewhere():
             self._watch.allows(QPAvoidError(problem))
@@ -304,23 +297,23 @@ class SafetyFilter:
         return self._stopped(problem, driven)
 
     def acknowledge(self) -> None:
-        """Let :meth:`step` drive again at once after a fault that is over."""
+        """Let :meth:`step` drive again at once if the fault is over."""
         self._watch.acknowledge()
 
     def _stopped(self, problem: str, driven: Any) -> Decision:
-        """Stop among what stood when it was seen last; else brake along the arc."""
+        """Stop clear of the last known static obstacles; without any, along the arc."""
         found = caught(self._stop, driven)
         if isinstance(found, Decision):
             return found._replace(status=Status.INVALID, problem=problem)
         return self._braked(problem, driven)
 
     def _has_moved(self) -> None:
-        """Take the twist given last as driven for a step since things were seen."""
+        """Advance the last known obstacles by a step of the last twist."""
         if self._seen is not None:
             self._seen = self._seen.after(*self._last, self._settings.dt)
 
     def _stop(self, driven: Pair | None) -> Decision | None:
-        """Do as the filter would, exactly, asked to stand still; at rest do nothing."""
+        """Return the filter's decision for a stop; None at rest or on failure."""
         started, engine = perf_counter(), self._engine
         state = self._state_at(driven).copy()
         if self._seen is None or engine.is_elsewhere() or not state[:2].any():
@@ -332,7 +325,7 @@ class SafetyFilter:
         return as_decision(outcome, started)
 
     def _braked(self, problem: str, driven: Any) -> Decision:
-        """Brake from what is driven, as told if that is valid, else as given last."""
+        """Brake from ``driven`` if it is valid, else from the last twist."""
         started, engine = perf_counter(), self._engine
         robot, dt, last = engine.setup.robot, self._settings.dt, self._last
         if driven is not None:
@@ -346,7 +339,7 @@ class SafetyFilter:
         return Decision(v + 0.0, omega + 0.0, status, *known)
 
     def _state_at(self, driven: Pair | None) -> Array:
-        """Return the memory of a robot that drives a twist at present."""
+        """Return the state of a robot that drives a twist at present."""
         if driven is None:
             return self._engine.state
         state = self._engine.state.copy()
@@ -368,16 +361,15 @@ class SafetyFilter:
     ) -> FilterProblem:
         """Return the QP whose solution is the decision; arguments as in :meth:`filter`.
 
-        That of the last attempt, with the rows of the last linearisation: where it was
-        one within a trust region, that is its limits. Where no QP was solved, since
-        only a plan will do, it is the one nearest to that plan's twist within the
-        limits, without rows. Looking ahead with limited
-        accelerations it is stated for u + δ, the twist aimed at, δ being what is left
-        of the way there after this step: its desired twist is less by δ.
-        :func:`qpavoid.qp.solve.solve` gives the twist of a decision ``tracking``,
-        ``filtered`` or ``relaxed``; one that has no admissible twist it relaxes with
-        its ``slack_tolerance``: hand it that of the settings where they have another.
-        The filter's memory stays as it is.
+        That of the last attempt, with the rows of the last linearisation, and the trust
+        region as its limits. If no QP was solved, since only a plan is possible, it is
+        the projection of that plan's twist onto the limits, without rows. With
+        look-ahead and limited accelerations it is stated for u + δ, the target twist; δ
+        is what remains to the target after this step, and the desired twist is less by
+        δ. :func:`qpavoid.qp.solve.solve` gives the twist of a decision ``tracking``,
+        ``filtered`` or ``relaxed``; an infeasible problem is relaxed with its
+        ``slack_tolerance``: pass that of the settings if they have another. The
+        filter's state is unchanged.
         """
         given = points, discs, disc_velocities, walls, polygons, polygon_velocities
         arrays, state = as_table(*given), self._state_at(driven).copy()

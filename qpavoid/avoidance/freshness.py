@@ -1,14 +1,14 @@
-"""Whether what is known of the surroundings may be driven by: ages, order, a latch.
+"""Freshness of inputs: ages, order, and a latch for faults.
 
 Every input carries the stamp of its measurement. Its age at a time ``now`` of the same
-clock, and at a time ``steady`` of a clock that nobody sets, is
+clock, and at a time ``steady`` of a monotonic clock, is
 
-    max(now − stamp, steady − arrival):
+    max(now − stamp, steady − arrival),
 
-a sensor that is silent, one whose stamps stand still and a clock that stands still all
-age it alike. What is older than its limit, from the future, never seen, or blind is a
-:class:`Fault`; a robot that has one brakes, and drives again only when a
-:class:`Latch` allows it. "No data" is never "no obstacles".
+which grows if a sensor is silent, repeats its stamps, or its clock stops. An input that
+is older than its limit, from the future, never seen, or blind is a :class:`Fault`; the
+robot then brakes, and drives again only when a :class:`Latch` allows it. "No data" is
+never "no obstacles".
 """
 
 import math
@@ -22,7 +22,7 @@ from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, Range, check
 
 
 class Fault(StrEnum):
-    """Why an input may not be driven by."""
+    """Reason why an input is rejected."""
 
     NEVER = "never seen"
     STALE = "stale"
@@ -36,35 +36,35 @@ class Fault(StrEnum):
 
     @property
     def sentence(self) -> str:
-        """The fault in a sentence."""
+        """Description of the fault, one sentence."""
         return SENTENCES[self]
 
 
 SENTENCES = {
     Fault.NEVER: "Nothing has been received yet.",
-    Fault.STALE: "What was received last is too old.",
+    Fault.STALE: "The last message is too old.",
     Fault.FUTURE: "Its stamps lie in the future.",
-    Fault.UNORDERED: "Its stamps do not go on, and what was valid last is too old.",
-    Fault.UNSTAMPED: "It has been stamped before, and this step has no stamps.",
-    Fault.JUMPED: "It is farther from the one before than the robot can have come.",
+    Fault.UNORDERED: "Its stamps do not increase; the last valid message is too old.",
+    Fault.UNSTAMPED: "Earlier steps had stamps, and this one has none.",
+    Fault.JUMPED: "It is farther from the last pose than the robot can have moved.",
     Fault.IMPLAUSIBLE: "Its twist fits neither its poses nor the robot's limits.",
-    Fault.BLIND: "Too few of its beams are valid, or all say the same.",
+    Fault.BLIND: "Too few of its beams are valid, or all are equal.",
     Fault.INVALID: "It cannot be read.",
 }
 
 
 @dataclass(frozen=True)
 class Freshness:
-    """How old what is known may be, and when a fault is over.
+    """Greatest ages of inputs, and when a fault ends.
 
     Attributes:
         points: Greatest age of sensed points, s.
         discs: Of tracked obstacles, s.
         odometry: Of odometry, s.
-        command: Of the desired twist, s: after that, standing still is desired, which
-            is no fault.
-        future: By so much a stamp may be ahead of the clock, s.
-        valid: Least share of the beams that are known: echoes, or free.
+        command: Of the desired twist, s; an older one is replaced by standing still,
+            which is no fault.
+        future: Tolerance of a stamp ahead of the clock, s.
+        valid: Least share of known beams: echoes, or free.
         good: s without a fault before the robot drives again; ``inf``: only after
             :meth:`Latch.acknowledge`.
     """
@@ -78,25 +78,25 @@ class Freshness:
     good: Annotated[float, "s", Range(ge=0.0)] = 0.5
 
     def __post_init__(self) -> None:
-        check(self, "freshness wants")
+        check(self, "freshness needs")
 
     def good_steps(self, dt: float) -> float:
-        """Return k, the good steps of ``dt`` (s) that a latch wants."""
+        """Return the number of good steps of ``dt`` (s) after which a latch opens."""
         if self.good == math.inf:
             return math.inf
         return math.ceil(self.good / dt - RELATIVE_ROUNDING)
 
 
 class InputWatch:
-    """What is known of the stamps of one input.
+    """Monitor of the stamps of one input.
 
     Args:
         oldest: Greatest age, s.
-        future: By so much a stamp may be ahead of the clock, s.
+        future: Tolerance of a stamp ahead of the clock, s.
 
     Attributes:
-        stamp: Of the newest that was accepted, s; ``-inf``: none was.
-        refused: How many were, by reason.
+        stamp: Of the newest accepted message, s; ``-inf``: none.
+        refused: Number of rejected messages, by reason.
     """
 
     def __init__(self, oldest: float, future: float) -> None:
@@ -107,18 +107,18 @@ class InputWatch:
         self._content: Fault | None = None
 
     def receive(self, stamp: float, now: float, steady: float) -> Fault | None:
-        """Take note of a message; return why it must not be used, None: it may.
+        """Register a message; return the reason if it is rejected, else None.
 
-        A stamp that is not later than the last is refused: a message that comes twice,
-        late or overtaken. Where the clock itself has gone back behind the last stamp,
-        that one is forgotten.
+        A stamp that is not later than the last one is rejected: a repeated, late or
+        overtaken message. If the clock itself has gone back behind the last stamp, that
+        stamp is reset.
 
         Args:
-            stamp: When it was measured, s.
+            stamp: Time of measurement, s.
             now: Time of the same clock, s.
-            steady: Time of a clock that nobody sets, s.
+            steady: Time of a monotonic clock, s.
         """
-        # The clock was set back: no later stamp could follow this one.
+        # The clock was set back: no later stamp would be accepted.
         if self.stamp > now + self.future:
             self.stamp = -math.inf
         if not (math.isfinite(stamp) and math.isfinite(now)):
@@ -132,7 +132,7 @@ class InputWatch:
         return None
 
     def judge(self, fault: Fault) -> Fault:
-        """Say that the newest message is blind or invalid: a fault until the next."""
+        """Mark the newest message as blind or invalid: a fault until the next one."""
         self.refused[fault] += 1
         self._content = fault
         return fault
@@ -148,14 +148,14 @@ class InputWatch:
         return fault
 
     def age(self, now: float, steady: float) -> float:
-        """Return the age of the newest that was accepted, s, at least 0."""
-        # By both clocks: a stamp may be wrong, an arrival is not.
+        """Return the age of the newest accepted message, s, at least 0."""
+        # By both clocks: a stamp may be wrong.
         return max(now - self.stamp, steady - self._arrival, 0.0)
 
     def fault(self, now: float, steady: float) -> Fault | None:
-        """Return what is wrong at present; None: nothing.
+        """Return the present fault, or None.
 
-        Messages that were refused are none as long as the last valid one is fresh.
+        A rejected message is no fault as long as the last valid one is fresh.
         """
         if self.stamp > now + self.future:
             return Fault.FUTURE
@@ -169,11 +169,11 @@ class InputWatch:
 
 
 class Latch:
-    """Closed by a fault; opened by so many good steps in a row, or by hand.
+    """Interlock: closed by a fault; opened by k good steps in a row, or by hand.
 
     Args:
         steps: k; ``inf``: only by hand.
-        is_open: Whether it is at first.
+        is_open: Initial state.
     """
 
     def __init__(self, steps: float, is_open: bool = False) -> None:
@@ -186,10 +186,10 @@ class Latch:
         return self._open
 
     def acknowledge(self) -> None:
-        """Open it, if the last step was good; a fault of the next one closes it."""
+        """Open it if the last step was good; a later fault closes it again."""
         self._open = self._open or self._good > 0
 
     @property
     def is_open(self) -> bool:
-        """Whether the robot might drive after the last step."""
+        """Whether the robot may drive after the last step."""
         return self._open

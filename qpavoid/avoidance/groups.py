@@ -1,7 +1,7 @@
-"""Groups: points given one after the other that lie together share one wall.
+"""Groups: successive neighbouring points that share one wall.
 
-Of 360 points of a scan most lie on a few surfaces: one look at the wall tells a whole
-group clear, see :mod:`qpavoid.avoidance.broad_phase`.
+Most points of a scan lie on a few surfaces: one check of the wall clears a whole group,
+see :mod:`qpavoid.avoidance.broad_phase`.
 """
 
 import math
@@ -12,21 +12,21 @@ from qpavoid.compiled import compiled_once
 from qpavoid.model.capsules import Segment, from_segment
 from qpavoid.model.kinematics import TINY
 
-FEW, MANY, WIDE = 4, 32, 0.3
-"""Points that make a group, at least and at most; and how far the last may be from the
-first, as a share of its distance."""
+FEW, MOST_GROUPED, WIDEST_GROUP = 4, 32, 0.3
+"""Least and greatest number of points of a group; greatest distance of its last point
+from the first, as a share of their range."""
 
 
 @compiled_once
 def group_points(scene: Scene, count: int) -> None:
-    """Gather points given one after the other that lie together, as those of a scan."""
+    """Group successive neighbouring points, as those of a scan."""
     bodies, begin, made = scene.bodies, 0, 0
     for i in range(1, count + 1):
         a, b = bodies[begin], bodies[min(i, count - 1)]
         square = (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2
-        # As seen from the robot: a wall far away may be longer and still tell as much.
-        near = square < WIDE * WIDE * (a[0] ** 2 + a[1] ** 2)
-        if i < count and i - begin < MANY and near:
+        # In proportion to the range: a distant wall may be longer.
+        near = square < WIDEST_GROUP * WIDEST_GROUP * (a[0] ** 2 + a[1] ** 2)
+        if i < count and i - begin < MOST_GROUPED and near:
             continue
         if i - begin >= FEW and made < scene.groups.shape[0]:
             set_body(scene.groups, made, group_of(scene, begin, i))
@@ -37,15 +37,15 @@ def group_points(scene: Scene, count: int) -> None:
 
 @compiled_once
 def group_of(scene: Scene, begin: int, end: int) -> Body:
-    """Return the wall that has no more room than any of these points."""
+    """Return a wall whose margin is at most that of any of these points."""
     one, other = body_at(scene, begin), body_at(scene, end - 1)
     axis = Segment(one.x, one.y, other.x, other.y)
     keep, r_min, z = 0.0, math.inf, 0.0
     for i in range(begin, end):
         body = body_at(scene, i)
         d_x, d_y = from_segment(axis, body.x, body.y)
-        # The axis joins the first and the last point; whatever lies off it is held by
-        # the greater distance to keep. TINY stands for rounding.
+        # The axis joins the first and the last point; the required distance includes
+        # the greatest deviation from it. TINY covers rounding.
         keep = max(keep, body.keep + math.sqrt(d_x * d_x + d_y * d_y) + TINY)
         r_min = min(r_min, body.keep - body.inflation)
     x, y = 0.5 * (one.x + other.x), 0.5 * (one.y + other.y)

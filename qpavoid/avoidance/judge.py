@@ -1,18 +1,18 @@
-"""The judge: a twist is driven only as the beginning of a plan that has been looked at.
+"""Judge: a twist is driven only as the beginning of a verified plan.
 
-A plan is judged as what it is: the twist for the coming control step, then the rest of
-the plan, then braking along the arc until the robot stands; against everything in view,
-in continuous time (:mod:`qpavoid.avoidance.advancement`). It *keeps clear* if the room
-of every body is at least −ε: of what stands until the robot does, of what moves, with
-its velocity and its margins, up to the horizon H. The plan of the twist that is driven
-is remembered. Where no other keeps clear its rest is driven, and where nothing is left
-of it the robot brakes: what [Agrawal2024] calls a gatekeeper, with braking along the
-arc as the backup of [Bouraine2012].
+A plan is the twist for the coming control step, then the rest of the plan, then braking
+along the arc until the robot stands still. It is verified against all bodies in
+continuous time (:mod:`qpavoid.avoidance.advancement`). It is *clear* if the margin of
+every body is at least −ε: of static bodies until the robot stands, of moving ones, with
+their velocities and inflation, up to the horizon H. The plan of the driven twist is
+retained. If no other plan is clear, its rest is driven, and at its end the robot
+brakes: a gatekeeper [Agrawal2024], with braking along the arc as the backup
+[Bouraine2012].
 
 **Theorem 1, static obstacles.** Let obstacles be at rest and measured exactly, twists
-follow at once and be held for dt, the limits hold 0, and the robot start at rest with
-d ≥ r_min − ε. Then d ≥ r_min − ε at all times; with ε < r_min there is no contact. For
-any dt and any horizon.
+be followed at once and held for dt, the limits include 0, and the robot start at rest
+with d ≥ r_min − ε. Then d ≥ r_min − ε at all times; with ε < r_min there is no contact.
+For any dt and any horizon.
 
 Proof. Every time of a plan is a number of whole control steps, at least one
 (:func:`qpavoid.avoidance.prediction.whole_steps`). So a plan is a sequence of twists,
@@ -20,32 +20,30 @@ each held for dt, and without its first step it is a plan again: the same twists
 the pose that this step leads to. Claim: after every step there is a plan, from the pose
 reached on, that keeps d ≥ r_min − ε until the robot stands for good. At the start that
 is standing still. Let it hold, and let p be that plan. The next step is either the
-first step of a plan that keeps clear, and its rest is the plan claimed; or the first
-step of p, and the rest of p is. Either way the step itself keeps it too. ∎
+first step of a clear plan, and its rest is the plan claimed; or the first step of p,
+and the rest of p is. Either way the step itself keeps d ≥ r_min − ε too. ∎
 
 Braking is such a plan: the twists u·(1 − k/n) for k = 1 … n, with the least n for which
 no step exceeds the accelerations, have all the same curvature; the robot stays on the
 arc of u and comes to rest where that ends after
-dt + dt·Σ_{k=1}^{n−1} (1 − k/n) = dt·(n + 1)/2, and what is left of that after a step is
-what braking from u·(1 − 1/n) does. Nothing depends on how a plan was
-found. Among what moves, too, unless every plan that was found touches that: then, with
-the status ``relaxed`` and the shortfall, ``closest`` of r_min is kept from what stands.
+dt + dt·Σ_{k=1}^{n−1} (1 − k/n) = dt·(n + 1)/2, and what remains of that after a step is
+braking from u·(1 − 1/n). The theorem does not depend on how a plan was found. It also
+holds among moving obstacles, unless every plan found hits one: then, with the status
+``relaxed`` and the shortfall, only ``closest`` of r_min is kept from static obstacles.
 
-**Theorem 2, moving obstacles.** Let besides, from a time t_0 on at which a plan kept
-clear, every obstacle keep the velocity it had then, or at least stay within its margin
-of where that takes it. Then up to t_0 + H there is at every step a plan that keeps
-clear of everything: a robot that had a way at its last step has one now.
+**Theorem 2, moving obstacles.** In addition let, from a time t_0 on at which a plan was
+clear, every obstacle keep its velocity of t_0, or stay within its inflation of that
+prediction. Then up to t_0 + H every step has a plan that is clear of all bodies.
 
-Proof. The rest of that plan is the same way through the same places at the same times:
-its rooms are among those looked at at t_0. ∎
+Proof. The rest of the plan of t_0 has the same poses at the same times: its margins are
+among those verified at t_0. ∎
 
-**Not guaranteed**: anything about what comes into view later, or changes its velocity
-by more than its margin; anything after t_0 + H about what moves, so that a robot which
-stands may be driven at; that the way is driven to its end: where it meets something
-after its H, a plan with more room over the next H may be driven instead, with a
-``shortfall`` where that meets something sooner;
-and, with margins, that the rest of a plan is found to keep clear although it does: what
-is measured anew is widened anew.
+**Not guaranteed**: anything about obstacles that appear later, or change their velocity
+by more than their inflation; anything about moving obstacles after t_0 + H, so that a
+standing robot may be hit; that a plan is driven to its end: if it meets an obstacle
+after its H, a plan with a larger margin over the next H may be driven instead, with a
+``shortfall`` if that one meets an obstacle sooner; and, with inflation, that the rest
+of a plan is verified although it is clear, since a new measurement is inflated anew.
 """
 
 import math
@@ -60,28 +58,28 @@ from qpavoid.model.robot import braking_steps, braking_twist, limit_twist, limit
 from qpavoid.types import Pair
 
 REPLAY_ROUNDING = 1e-8
-"""m; by which a plan may have less room when it is carried on than when judged."""
+"""m; tolerance of a plan's margin when it is carried on."""
 
 HOLDS = (math.inf, 1.0, 0.4, 0.0)
-"""s; for so long a twist is held before the robot brakes, in whole control steps and at
-most for the horizon."""
+"""s; durations of a target twist before braking, in whole control steps and at most
+the horizon."""
 
 
 @compiled_once
 def lowest(scene: Scene) -> float:
-    """Return −ε: the least room that keeps clear, m."""
+    """Return −ε: the threshold of a clear margin, m."""
     return -tolerance(scene) - REPLAY_ROUNDING
 
 
 @compiled_once
 def keeps_from_standing(scene: Scene, rollout: Rollout, level: float) -> bool:
-    """Return whether a rollout keeps clear of all static bodies until it rests."""
+    """Return whether a rollout is clear of all static bodies until it rests."""
     return keeps_all(scene, rollout, Watch(UNWATCHED, (rollout.rest, level)))
 
 
 @compiled_once
 def moving_room(scene: Scene, rollout: Rollout, enough: float) -> float:
-    """Return the least room of all that moves up to the horizon, m, or ``enough``."""
+    """Return the least margin of moving bodies up to the horizon, m, ≤ ``enough``."""
     least = enough
     for i in range(scene.bodies.shape[0]):
         if moves(scene, i):
@@ -104,9 +102,9 @@ def rollout_to_rest(scene: Scene, twist: Pair) -> Rollout:
 
 @compiled_once
 def keeps_clear(scene: Scene, plan: Plan, twist: Pair, until: float) -> bool:
-    """Return whether a plan that begins with a twist keeps clear.
+    """Return whether a plan that begins with a twist is clear.
 
-    Of what moves for ``until`` s, of what stands until the robot does.
+    Of moving bodies for ``until`` s, of static ones until the robot stands.
     """
     rollout, level = exact_rollout(scene, plan, twist), lowest(scene)
     return keeps_all(scene, rollout, Watch((until, level), (rollout.rest, level)))
@@ -114,7 +112,7 @@ def keeps_clear(scene: Scene, plan: Plan, twist: Pair, until: float) -> bool:
 
 @compiled_once
 def first_target(scene: Scene, plan: Plan) -> Pair:
-    """Return the twist that a plan aims at in the coming control step."""
+    """Return the target twist of a plan in the coming control step."""
     if plan.switch < 0.5 * scene.settings[0].dt:
         return plan.v_then, plan.omega_then
     return plan.v, plan.omega
@@ -122,7 +120,7 @@ def first_target(scene: Scene, plan: Plan) -> Pair:
 
 @compiled_once
 def first_twist(scene: Scene, plan: Plan) -> Pair:
-    """Return what a plan drives in the coming control step."""
+    """Return the twist of a plan in the coming control step, within the limits."""
     s = scene.settings[0]
     if plan.end < 0.5 * s.dt:
         return braking_twist(scene.robot, scene.last[0], scene.last[1], s.dt)
@@ -131,9 +129,9 @@ def first_twist(scene: Scene, plan: Plan) -> Pair:
 
 @compiled_once
 def clear_end(scene: Scene, target: Pair, twist: Pair, least: float) -> float:
-    """Return for how long (s) a target may be held so that the plan keeps clear.
+    """Return the duration (s) of a target for which the plan is clear.
 
-    The first of :data:`HOLDS`, and no less than ``least``; 0: none.
+    The first of :data:`HOLDS`, at least ``least``; 0 if none.
     """
     s = scene.settings[0]
     if is_inexact(scene) and not may_brake(scene, twist):
@@ -150,7 +148,7 @@ def clear_end(scene: Scene, target: Pair, twist: Pair, least: float) -> float:
 
 @compiled
 def is_inexact(scene: Scene) -> bool:
-    """Return whether only braking along the arc is known to be followed."""
+    """Return whether actuation is inexact: only braking along the arc is followed."""
     s = scene.settings[0]
     return bool(s.jitter > 0.0 or s.ramps != 0)
 
@@ -164,18 +162,18 @@ def way_to_rest(scene: Scene, twist: Pair) -> float:
 
 @compiled_once
 def drift_of(scene: Scene, twist: Pair) -> float:
-    """Return how fast a robot whose velocities ramp leaves the arc as it brakes, m/s.
+    """Return the bound of the velocity error of a base that ramps while braking, m/s.
 
-    While a part of the twist is still on its way the robot's velocity is off by at most
-    the change Δ of a step, the present one or one of braking, u/n; and so is a point
-    of the footprint: |Δv| + |Δω|(R + L), where L is the way still to go, which a wrong
-    heading turns. Braking on from there is off no faster, so that the proof holds.
+    While a ramp lasts the robot's velocity is off by at most the change Δ of a step,
+    the present one or one of braking, u/n; a point of the footprint by
+    |Δv| + |Δω|(R + L), where L is the remaining distance, which a wrong heading
+    rotates. Later braking is off no faster, so that the proof holds.
     """
     s, robot, (v, omega) = scene.settings[0], scene.robot, twist
     if s.ramps == 0:
         return 0.0
     n, way = braking_steps(robot, v, omega, s.dt), way_to_rest(scene, twist)
-    # This step changes the twist by u less the last one, every step of braking by u/n.
+    # This step changes the twist by u minus the last one, each braking step by u/n.
     d_v = max(abs(v - scene.last[0]), abs(v) / n)
     d_omega = max(abs(omega - scene.last[1]), abs(omega) / n)
     return float(d_v + d_omega * (limits_of(robot).circumradius + way))
@@ -183,17 +181,17 @@ def drift_of(scene: Scene, twist: Pair) -> float:
 
 @compiled_once
 def may_brake(scene: Scene, twist: Pair) -> bool:
-    """Return whether one control step of a twist, then braking, keeps clear of statics.
+    """Return whether one step of a twist, then braking, is clear of static bodies.
 
-    With all that the base does to it: steps that last longer lengthen the arc, ramps
-    let what stands grow, and where twists are on their way for an uncertain time the
-    robot may be that much farther along, and turned, when this one takes effect.
+    With the actuator model: jitter lengthens the arc, ramps let static bodies grow, and
+    with uncertain delays the robot may be that much farther along, and turned, when the
+    twist takes effect.
     """
     s = scene.settings[0]
     drift, (far, turned) = drift_of(scene, twist), scene.pending
     braced = altered(scene, scene.bodies, drift, scene.closest)
     reach = limits_of(scene.robot).circumradius + way_to_rest(scene, twist)
-    # Each step on its way may last so much longer than the arc it was reckoned with.
+    # Each pending step may last longer than predicted.
     off = (scene.longest - s.dt) * (far + turned * reach)
     rollout = rollout_to_rest(braced, twist)
     return keeps_from_standing(braced, rollout, lowest(scene) + off)
@@ -201,10 +199,9 @@ def may_brake(scene: Scene, twist: Pair) -> bool:
 
 @compiled_once
 def standing_room(scene: Scene, rollout: Rollout, enough: float) -> float:
-    """Return the least room of what stands until the robot does, m, or ``enough``.
+    """Return the least margin of static bodies until rest, m, ≤ ``enough``.
 
-    ``enough`` is what is kept for certain: looks at times may miss by how much it is
-    not.
+    ``enough`` is a verified lower bound, or the samples may miss the minimum.
     """
     if keeps_from_standing(scene, rollout, enough):
         return enough
@@ -218,15 +215,15 @@ def standing_room(scene: Scene, rollout: Rollout, enough: float) -> float:
 
 @compiled_once
 def no_worse_than(scene: Scene, brake: Pair, twist: Pair) -> bool:
-    """Return whether a twist, braked away next, leaves what stands no less room.
+    """Return whether a twist, then braking, has no less static margin than ``brake``.
 
-    Than ``brake`` does; as far as that is less than what keeps clear.
+    Only margins below the threshold are compared.
     """
     rollout, level = rollout_to_rest(scene, twist), lowest(scene)
     watch = Watch(UNWATCHED, (rollout.rest, level))
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
-        # Both live in the one memory of the scene: each is made anew after the other.
+        # Both share the scene's memory: each is rolled out again after the other.
         stop = rollout_to_rest(scene, brake)
         room, _ = least_room(scene, stop, i, (0.0, stop.rest), level)
         rollout = rollout_to_rest(scene, twist)
@@ -240,7 +237,7 @@ def no_worse_than(scene: Scene, brake: Pair, twist: Pair) -> bool:
 
 @compiled_once
 def rests_in_time(scene: Scene, twist: Pair) -> bool:
-    """Return whether nothing that moves touches the robot before it has braked.
+    """Return whether no moving body touches the robot before it has braked.
 
     Passive safety [Bouraine2012]: the setting ``passive``.
     """

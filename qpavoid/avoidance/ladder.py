@@ -1,4 +1,4 @@
-"""The ladder of fallbacks: what is driven where no answer of the QP passes."""
+"""Fallback policy: the twist driven if no solution of the QP is verified."""
 
 import math
 from typing import NamedTuple
@@ -40,32 +40,31 @@ from qpavoid.model.robot import braking_twist
 from qpavoid.types import Array, Box, Pair
 
 ROW_ROUNDING = 1e-9
-"""m/s; what the rows of the look-ahead leave to a twist that just keeps them."""
+"""m/s; tolerance of the look-ahead rows for a twist that just satisfies them."""
 
 READY, AGAIN, WORKSPACE_TOO_SMALL = 100, -3, -2
-"""Codes beside those of the statuses: the QP is written; a smaller trust region is
-wanted; the memory is too small, see
-:func:`qpavoid.avoidance.workspace.memory_size`."""
+"""Codes other than statuses: the QP is ready; a smaller trust region is required; the
+memory is too small, see :func:`qpavoid.avoidance.workspace.memory_size`."""
 
 
 class Prepared(NamedTuple):
     """State of a control step before its QP is solved.
 
     Attributes:
-        code: :data:`READY`, or why not.
+        code: :data:`READY`, or the reason why not.
         clearance: Of the nearest obstacle, m.
-        most: Contacts for which the memory is carved.
-        bodies: How many of them are in reach.
-        m: How many rows the QP has.
-        n_hard: How many of them, the last, are never relaxed.
+        most: Contacts for which the memory is laid out.
+        bodies: Number of bodies in reach.
+        m: Number of rows of the QP.
+        n_hard: Number of rows, the last ones, that are never relaxed.
         last: Twist driven last.
         box: Twists that can be driven next.
-        wish: The twist that is desired.
-        desired: The same, for the QP: less by ``rest``.
-        rest: Of the way to the twist aimed at, what is left after this step.
-        anchor: A twist that is good enough, the middle of the trust regions.
-        target: What is aimed at.
-        ahead: Whether it was looked ahead.
+        wish: Desired twist.
+        desired: Desired twist of the QP: ``wish`` − ``rest``.
+        rest: Target twist − ``anchor``: what remains after this step.
+        anchor: Feasible twist, centre of the trust regions.
+        target: Target plan.
+        ahead: Whether with look-ahead.
     """
 
     code: int
@@ -92,11 +91,11 @@ class Outcome(NamedTuple):
         v: m/s.
         omega: rad/s.
         clearance: Of the nearest obstacle, m.
-        slack: By which rows were relaxed, m/s.
-        residual: Of the check of the answer.
-        shortfall: By how much r_min will be undercut by what moves, m.
-        first: Obstacle that holds the twist; −1: none.
-        second: Another one.
+        slack: Relaxation of the rows, m/s.
+        residual: Of the certificate.
+        shortfall: Predicted violation of r_min of moving obstacles, m.
+        first: Obstacle of an active constraint, or −1.
+        second: Another one, or −1.
     """
 
     code: int
@@ -113,22 +112,22 @@ class Outcome(NamedTuple):
 @entry
 @compiled
 def unsolved(code: int, twist: Pair, residual: float) -> Outcome:
-    """Return the outcome of a step that could not be taken, or not yet."""
+    """Return the outcome of a step without a solution."""
     v, omega = twist
     return Outcome(code, v, omega, math.inf, 0.0, residual, 0.0, -1, -1)
 
 
 @compiled_once
 def judged(scene: Scene, prepared: Prepared, twist: Pair) -> Plan:
-    """Return the plan of a twist that may be driven; that of 0 s: it may not."""
+    """Return the verified plan of a twist; of 0 s if it is rejected."""
     s, (v, omega), end = scene.settings[0], twist, scene.settings[0].dt
     if s.bound == BARRIER and s.braking_room:
         target = prepared.target
         if prepared.ahead and twist == prepared.anchor and target.mode <= ROUND:
-            # Judged already, when the target was chosen.
+            # Verified when the target was chosen.
             v, omega, end = target.plan.v, target.plan.omega, target.plan.end
         elif prepared.ahead:
-            # The QP was stated for the first step; what is judged is where that leads.
+            # The QP is stated for the first step; the target it leads to is verified.
             v, omega = v + prepared.rest[0], omega + prepared.rest[1]
             least = 0.0
             if target.mode == ROUND and not is_rest(target.plan):
@@ -145,7 +144,7 @@ def judged(scene: Scene, prepared: Prepared, twist: Pair) -> Plan:
 def leaves_contact(scene: Scene, prepared: Prepared, twist: Pair, room: float) -> bool:
     """Return whether a twist resolves contacts, or is rest.
 
-    And, for a ``passive`` filter that foresees a contact, whether it brakes in time.
+    And, with ``passive`` and a predicted contact, whether it brakes in time.
     """
     s = scene.settings[0]
     touches = prepared.clearance <= 0.0
@@ -165,7 +164,7 @@ def leaves_standing(scene: Scene, twist: Pair) -> bool:
     for i in range(scene.bodies.shape[0]):
         body = body_at(scene, i)
         touched = body.keep - tolerance(scene) < body.inflation
-        # keep_at_most has cut all of r_min, and more: the surfaces meet now.
+        # keep_at_most has removed all of r_min: the surfaces are in contact.
         if not moves(scene, i) and touched:
             span = (s.dt, max(rollout.rest, s.dt))
             level = ROW_ROUNDING - tolerance(scene)
@@ -176,15 +175,15 @@ def leaves_standing(scene: Scene, twist: Pair) -> bool:
 
 
 class Choice(NamedTuple):
-    """A fallback: what is driven instead of the answer of the QP.
+    """A fallback: plan driven instead of the QP's solution.
 
     Attributes:
         code: Of the status.
-        twist: v, m/s, and ω, rad/s.
-        plan: That it begins.
-        room: Least one, m; at least −ε: it keeps clear.
-        until: s for which that holds for what moves.
-        residual: Of the check of the answer of the QP.
+        twist: v, m/s, and ω, rad/s: the beginning of ``plan``.
+        plan: The plan.
+        room: Least margin, m; clear if at least −ε.
+        until: s for which the margin of moving bodies is verified.
+        residual: Of the certificate of the QP's solution.
     """
 
     code: int
@@ -197,7 +196,7 @@ class Choice(NamedTuple):
 
 @compiled
 def is_rest(plan: Plan) -> bool:
-    """Return whether a plan is to stand still."""
+    """Return whether a plan is standing still."""
     first, then = (plan.v, plan.omega), (plan.v_then, plan.omega_then)
     return first == (0.0, 0.0) and then == (0.0, 0.0)
 
@@ -206,12 +205,12 @@ def is_rest(plan: Plan) -> bool:
 def fall_back(
     scene: Scene, prepared: Prepared, rejected: Outcome, state: Array
 ) -> Outcome:
-    """Return the outcome of the fallbacks: plan found, plan kept, braking.
+    """Return the outcome of the fallbacks: plan found, plan retained, braking.
 
-    The plan that was found by the look-ahead; else the rest of the last plan where that
-    keeps clear of what stands, and braking either does not or meets sooner what moves;
-    else braking. Where what stands has come nearer than it was, the rejected twist if
-    it leaves no less room than braking.
+    First the plan that the look-ahead found. Second the rest of the last plan, if it is
+    clear of static bodies and braking is not, or hits a moving body sooner. Last
+    braking; or the rejected twist, if static bodies are nearer than predicted and it
+    leaves no smaller margin than braking.
     """
     s, level, target = scene.settings[0], lowest(scene), prepared.target
     code, residual = rejected.code, rejected.residual
@@ -231,11 +230,10 @@ def fall_back(
     braked, met = standing_room(scene, stop, level), moving_room(scene, stop, 0.0)
     if solved:
         code = HOLDING if brake == (0.0, 0.0) else BRAKING
-    # What stands counts only where braking does not keep clear of it.
+    # Static bodies count only if braking is not clear of them.
     room = min(met, braked if braked < level else 0.0)
     choice = Choice(code, brake, plan, room, state[UNTIL], residual)
-    # The rest of the last plan is not where it was thought to be: only braking along
-    # the arc is followed for certain.
+    # The robot is not exactly on the last plan: only braking along the arc is exact.
     if is_inexact(scene):
         return driven(scene, prepared, choice, state)
     kept = kept_plan(state)
@@ -243,7 +241,7 @@ def fall_back(
         twist = first_twist(scene, kept)
         rollout = exact_rollout(scene, kept, twist)
         room = moving_room(scene, rollout, 0.0)
-        # ALIKE, or rounding would change over and back.
+        # ALIKE: else rounding would make it switch back and forth.
         better = braked < level or room > met + ALIKE
         if better and keeps_from_standing(scene, rollout, level):
             if leaves_contact(scene, prepared, twist, room):
@@ -260,7 +258,7 @@ def fall_back(
 
 @compiled_once
 def driven(scene: Scene, prepared: Prepared, choice: Choice, state: Array) -> Outcome:
-    """Remember what is driven where the answer of the QP is not; return the outcome."""
+    """Retain the plan of a fallback; return the outcome."""
     keep_plan(state, choice.twist, choice.plan, choice.until, scene.settings[0].dt)
     shortfall = -choice.room if choice.room < lowest(scene) else 0.0
     owner, (v, omega) = prepared.target.owner, choice.twist

@@ -1,11 +1,11 @@
-"""Linearisation: the rows of the distances at times to come, about a twist.
+"""Linearisation of future distances about a twist: rows of the look-ahead QP.
 
-At a time t_k on the way of a twist ū the distance to a body changes with the twist as
+At a time t_k of the rollout of a twist ū the distance to a body is
 
     d_k(u) ≈ d_k(ū) + ∇d_k·(u − ū),   ∇d_k = d̂_oᵀ ∂P_r(t_k)/∂u,
 
-where P_r is the footprint point nearest then, and ∂P_r/∂u how the pose of that time
-depends on the twist that is aimed at.
+with P_r the footprint point nearest then, and ∂P_r/∂u its derivative by the target
+twist.
 """
 
 import math
@@ -35,34 +35,34 @@ from qpavoid.avoidance.prediction import (
 from qpavoid.avoidance.scene import Scene
 from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.kinematics import TINY, Frame, moved_on
-from qpavoid.qp.exact import A_OMEGA, A_V, OWNER, B
+from qpavoid.qp.exact import A_OMEGA, A_V, ROW_OWNER, B
 from qpavoid.types import Array, Pair
 
 ROW_ROOM = 2e-3
-"""m beyond r_min that the linearised rows ask for: the true distance then keeps it."""
+"""m; added to r_min in the linearised rows, so that the true distance keeps r_min."""
 
 BARELY_TURNED = 1e-3
-"""rad; below it the slopes of an arc are those of a straight line, to 1e-6 of them."""
+"""rad; turn of an arc below which its slopes are those of a line, to 1e-6 of them."""
 
 ROW_WITHIN = 0.25
-"""m beyond r_min; distances above get no row in this iteration."""
+"""m; margin above which a distance gets no row in this iteration."""
 
-STRIDE, SECTORS = 4, 8
-"""So many ticks, and directions of the normal, that may have a row of their own."""
+STRIDE, OCTANTS = 4, 8
+"""Ticks, and directions of the normal, that share one row each."""
 
 DIAGONAL = math.tan(math.pi / 8.0)
-"""Sectors are centred on axes and diagonals: flat sides lie in the middle of one."""
+"""tan 22.5°: sectors are centred on axes and diagonals, where flat sides lie."""
 
 
 class Side(NamedTuple):
-    """A contact at a time to come that gets a row.
+    """A future contact that gets a row.
 
     Attributes:
         x: P_r in the robot frame of that time, m.
-        y: m.
+        y: Of P_r, m.
         n_x: Outward normal of the footprint there, in the same frame.
-        n_y: The same.
-        room: m.
+        n_y: Of the normal.
+        room: Margin, m.
         time: s.
         body: Its number.
     """
@@ -84,8 +84,8 @@ class Tables(NamedTuple):
 
     Attributes:
         sides: (:func:`most_sides`, :data:`SIDE`).
-        rows: As many and four, of the QP.
-        frames: (ticks + 1, 4) where the robot is then: x, y (m), cosine, sine.
+        rows: Of the QP, four more than ``sides``.
+        frames: (ticks + 1, 4) predicted robot frames: x, y (m), cosine, sine.
     """
 
     sides: Array
@@ -96,13 +96,13 @@ class Tables(NamedTuple):
 @entry
 @compiled
 def most_sides(ticks: int) -> int:
-    """Return how many sides there can be within so many ticks."""
-    return (ticks + STRIDE - 1) // STRIDE * SECTORS
+    """Return the greatest number of sides within so many ticks."""
+    return (ticks + STRIDE - 1) // STRIDE * OCTANTS
 
 
 @compiled_once
 def sector(n_x: float, n_y: float) -> int:
-    """Return in which eighth of the plane a direction points, 0 to 7."""
+    """Return the octant of a direction, 0 to 7."""
     if abs(n_y) <= DIAGONAL * abs(n_x):
         return 0 if n_x > 0.0 else 4
     if abs(n_x) < DIAGONAL * abs(n_y):
@@ -131,29 +131,27 @@ def set_side(sides: Array, row: int, side: Side) -> None:
 def note_contact(
     scene: Scene, i: int, body: Body, time: float, at: Frame, sides: Array
 ) -> float:
-    """Keep the contact with a body at a time, if it is to get a row; return its room.
+    """Store the contact with a body at a time, if it gets a row; return its margin.
 
-    What stands is granted what there is less than :data:`ROW_ROOM` now.
+    Of a static body the margin that is missing now is added, up to :data:`ROW_ROOM`.
 
     Args:
         scene: Of the step.
-        i: Number of the body that is met.
-        body: The same.
-        time: When, s.
-        at: Where the robot is then.
-        sides: Brought up to date.
+        i: Number of the body.
+        body: The body.
+        time: s.
+        at: Frame of the robot then.
+        sides: Updated.
     """
     ends, tick = ends_at(body, time, at), scene.settings[0].tick
     contact = line_contact(scene.edges, body, ends)
     room = contact.distance - body.keep + max(ROW_ROOM - body.now, 0.0)
     if room < ROW_WITHIN:
-        # Ticks 1 to STRIDE share slot 0, the next as many slot 1, whatever k·tick/tick
-        # rounds to.
+        # Ticks 1 to STRIDE share slot 0, the next ones slot 1, independent of rounding.
         slot = max(math.ceil(time / tick - SAME_TIME) - 1, 0) // STRIDE
-        row = slot * SECTORS + sector(contact.n_x, contact.n_y)
+        row = slot * OCTANTS + sector(contact.n_x, contact.n_y)
         side = side_at(sides, row)
-        # Of equal rooms that of the body which comes first: the order in which
-        # obstacles are given decides nothing.
+        # Of equal margins the first body's: independent of the order of input.
         if room < side.room or (
             room == side.room and comes_first(scene.bodies, i, int(side.body))
         ):
@@ -164,9 +162,9 @@ def note_contact(
 
 @compiled_once
 def frame_then(scene: Scene, rollout: Rollout, k: int, frames: Array) -> Frame:
-    """Return where the robot is at a tick, from the table once it is known."""
+    """Return the robot's frame at a tick, cached in a table."""
     f, s = frames[k], scene.settings[0]
-    # No cosine is: the row has not been filled in for this rollout.
+    # An impossible cosine marks a row that is not filled in for this rollout.
     if f[2] > 1.0:
         arc = arc_at(rollout.arcs, arc_index(rollout.arcs, 0, s.tick * k))
         at = frame_at(arc, s.tick * k, s.dt)
@@ -178,14 +176,14 @@ def frame_then(scene: Scene, rollout: Rollout, k: int, frames: Array) -> Frame:
 def nearest_sides(scene: Scene, rollout: Rollout, tables: Tables) -> None:
     """Fill in the contacts that get a row of the linearisation.
 
-    Contacts with like normals at about the same time ask for about the same, the one
-    with the least room for most: it gets the row of its :data:`STRIDE` and sector. A
-    body is looked at again when its room may have changed by as much as it is. What
-    is left out costs an iteration at worst, since the answer is looked at in full.
+    Contacts with similar normals at about the same time give similar rows; the one with
+    the least margin gets the row of its :data:`STRIDE` and sector. A body is sampled
+    again when its margin may have changed by its value. A missed contact costs at most
+    an iteration, since the solution is verified in full.
     """
     s, sides = scene.settings[0], tables.sides
     for row in range(sides.shape[0]):
-        # Empty, until something has less room than that.
+        # Empty: no smaller margin yet.
         sides[row, ROOM_OF] = ROW_WITHIN
     for k in range(tables.frames.shape[0]):
         tables.frames[k, 2] = math.inf
@@ -203,17 +201,17 @@ def nearest_sides(scene: Scene, rollout: Rollout, tables: Tables) -> None:
                 k += 2 + int(min((room - ROW_WITHIN) / passing, last))
                 continue
             room = note_contact(scene, i, body, time, at, sides)
-            # Every other tick at least: the row of a neighbour says nearly the same.
+            # At least every other tick: neighbouring rows are nearly equal.
             k += 2 + int(min(abs(room) / pace, last))
         i = next_body(scene, rollout, i + 1, watch)
 
 
 @compiled_once
 def bend_by_turning(v: float, omega: float, time: float) -> Pair:
-    """Return ∂(x, y)/∂ω of where (v, ω) leads in a time, in the frame it leaves."""
+    """Return ∂(x, y)/∂ω of the position after driving (v, ω) for a time."""
     angle = omega * time
     if abs(angle) < BARELY_TURNED:
-        # The closed form divides differences that vanish by ω²: its series instead.
+        # The closed form is ill-conditioned for small ω: its series instead.
         return -v * omega * time**3 / 3.0, 0.5 * v * time**2
     cos, sin = math.cos(angle), math.sin(angle)
     x = (time * cos - sin / omega) / omega
@@ -223,16 +221,15 @@ def bend_by_turning(v: float, omega: float, time: float) -> Pair:
 
 @compiled_once
 def slopes_at(arc: Arc, begin: Slopes, time: float, dt: float) -> Slopes:
-    """Return the slopes at a time on an arc from those where it begins.
+    """Return the slopes at a time on an arc from those at its start.
 
-    With p the way on the arc, s_v and s_ω the derivatives of its twist by the target:
-    ∂p/∂v = s_v p/v; what turns the arc's frame turns p, and ω itself bends it.
+    With p the position on the arc, s_v and s_ω the derivatives of its twist by the
+    target: ∂p/∂v = s_v p/v; a turn of the arc's frame rotates p, and ω bends it.
     """
     place, turn = braking_place(time - arc.begin, arc.steps, dt), begin.turn
     one = moved_on(Frame(0.0, 0.0, 1.0, 0.0), 1.0, arc.omega, place)
     b_x, b_y = bend_by_turning(arc.v, arc.omega, place)
-    # What ω bends on this arc, and the way on it turned with the heading at its
-    # beginning.
+    # Bending by ω on this arc, and rotation of its chord with the initial heading.
     l_x = arc.share_omega * b_x - turn * arc.v * one.y
     l_y = arc.share_omega * b_y + turn * arc.v * one.x
     return Slopes(
@@ -246,7 +243,7 @@ def slopes_at(arc: Arc, begin: Slopes, time: float, dt: float) -> Slopes:
 
 @compiled_once
 def fill_slopes(rollout: Rollout, dt: float) -> None:
-    """Fill in the slopes at the beginning of every arc."""
+    """Fill in the slopes at the start of every arc."""
     arcs, slopes = rollout.arcs, Slopes(0.0, 0.0, 0.0, 0.0, 0.0)
     set_slopes(arcs, 0, slopes)
     for row in range(1, arcs.shape[0]):
@@ -259,11 +256,11 @@ def fill_slopes(rollout: Rollout, dt: float) -> None:
 def linearised_rows(
     scene: Scene, rollout: Rollout, met: Meeting, tables: Tables
 ) -> int:
-    """Fill in the rows room + ∇d·(u − ū) ≥ :data:`ROW_ROOM`, in m; return how many.
+    """Fill in the rows margin + ∇d·(u − ū) ≥ :data:`ROW_ROOM`, m; return their number.
 
-    About the first target of the rollout. Among the first of the table, one for every
-    side with less room than :data:`ROW_WITHIN`; that of what is ``met`` among them,
-    whatever lies between two ticks.
+    ū is the first target of the rollout. One row per side with a margin below
+    :data:`ROW_WITHIN`, including that of the violation ``met``, which may lie between
+    two ticks.
     """
     sides, rows, about = tables.sides, tables.rows, rollout.target
     nearest_sides(scene, rollout, tables)
@@ -290,6 +287,6 @@ def linearised_rows(
         a_omega = a_omega - t_x * slopes.x_omega - t_y * slopes.y_omega
         rows[count, A_V], rows[count, A_OMEGA] = a_v, a_omega
         rows[count, B] = a_v * about[0] + a_omega * about[1] + ROW_ROOM - side.room
-        rows[count, OWNER] = body_at(scene, int(side.body)).owner
+        rows[count, ROW_OWNER] = body_at(scene, int(side.body)).owner
         count += 1
     return count

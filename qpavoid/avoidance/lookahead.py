@@ -1,21 +1,21 @@
-"""Look-ahead: a constant twist, driven on, must keep its distance from what comes.
+"""Look-ahead: a constant twist whose predicted distances stay above r_min.
 
-The row of the present sees only the present distance. It is empty where an obstacle
-comes from abeam of the axle, and late where one is fast; and where a wall is known as
-points it makes the robot crawl, since every point ahead of a corner asks it to slow
-down. Here the twist u = (v, ω) is driven on in thought, bodies keep their velocities,
-and at times t_k up to the horizon the distances d_k(u) must stay above r_min:
+A row of the present constrains only the present distance. It vanishes for an obstacle
+that approaches abeam of the axle, comes late for a fast one, and makes the robot crawl
+along a wall given as points, since every point ahead of a corner slows it down. Here
+the twist u = (v, ω) is held in a prediction, bodies keep their velocities, and at times
+t_k up to the horizon the distances d_k(u) must stay above r_min:
 
     d_k(ū) + ∇d_k(ū)·(u − ū) ≥ r_min,   ∇d_k = d̂_oᵀ ∂P_r(t_k)/∂u,
 
-linearised about ū and iterated: sequential convexification in two unknowns, a QP each
-time, by the same exact solver. Which side to pass on makes the problem one with several
-local optima, so that it starts from several ū, keeps the cheapest answer, and changes
-over only to one that is cheaper by more than the hysteresis. Of two ways that cost the
-same the one to the right is taken.
+linearised about ū and iterated: sequential convexification in two unknowns, one QP per
+iteration, by the exact solver. The choice of the passing side gives several local
+optima: the iteration starts from several ū, takes the cheapest solution, and switches
+only to one that is cheaper by more than the hysteresis. Of two solutions of equal cost
+the one to the right is taken.
 
-With acceleration limits u is the twist aimed at, reached from the twist last driven at
-full acceleration, and what is driven is the first step of that way.
+With acceleration limits u is the target twist, reached from the last twist at full
+acceleration, and the first step towards it is driven.
 """
 
 import math
@@ -36,40 +36,41 @@ from qpavoid.qp.exact import Optimum, Terms, solve_exactly
 from qpavoid.types import Box, Pair
 
 ITERATIONS = 8
-"""How often a twist is linearised about, or halved, at most."""
+"""Greatest number of linearisations, or halvings, from one start."""
 
 HALVINGS = 2
-"""How often in a row the way to an answer is halved."""
+"""Greatest number of successive halvings of the step to a solution."""
 
 HOPELESS, PATIENT = 3, 6
-"""The same for a start that has not yet kept its distance; and while none has."""
+"""Greatest number of iterations of a start without a feasible twist; and the same while
+no start has one."""
 
 DEAR = 4.0
-"""An answer so many times dearer than the best one is not followed to its end."""
+"""Cost relative to the best one above which a start is abandoned."""
 
 GAIN = 0.98
-"""An answer that costs a greater part of the best one gains next to nothing."""
+"""Cost relative to the best one above which a solution counts as no improvement."""
 
 UNMOVED = 1e-3
-"""m/s and rad/s; an answer so near to the twist before would only come again."""
+"""m/s and rad/s; step below which the iteration has converged."""
 
 IN_THE_WAY = 10.0
-"""A twist that would stand in an obstacle's way at its end costs so much more."""
+"""Factor of the cost of a twist that ends in the path of a moving body."""
 
 SLACK = 1e-3
-"""m; by so much more than needed a linearisation that nothing satisfies is relaxed."""
+"""m; additional relaxation of an infeasible linearisation."""
 
 PASSING = 3.0
-"""m; an obstacle that has come so far has passed."""
+"""m; distance after which a moving obstacle has passed."""
 
 
 class Query(NamedTuple):
     """Problem of the look-ahead.
 
     Attributes:
-        box: The twists to choose from.
-        desired: Of them, v and ω.
-        many: Control steps in which accelerations are counted at once.
+        box: Limits of the target.
+        desired: v and ω.
+        many: Control steps per arc of a ramp, driven with their mean twist.
         tables: Memory.
     """
 
@@ -85,7 +86,7 @@ class Candidate(NamedTuple):
     Attributes:
         v: m/s.
         omega: rad/s.
-        cost: Of the QP, (m/s)²; ``inf``: there is none.
+        cost: Of the QP, (m/s)²; ``inf``: none found.
     """
 
     v: float
@@ -110,8 +111,8 @@ def cost_of(scene: Scene, query: Query, v: float, omega: float) -> float:
 def first_near(scene: Scene, rollout: Rollout, first: int) -> Meeting:
     """Return the first violation along a rollout, in the order of the bodies' rows.
 
-    From ``first`` on and then from the beginning, where that is none: −1. What stands
-    is looked at for ``horizon_still``.
+    Cyclic, starting at row ``first``; −1 if there is none. Static bodies are checked
+    for ``horizon_still``.
     """
     s, met, bodies = scene.settings[0], Meeting(-1, 0.0), scene.bodies
     watch = Watch((s.horizon, 0.0), (s.horizon_still, 0.0))
@@ -121,8 +122,7 @@ def first_near(scene: Scene, rollout: Rollout, first: int) -> Meeting:
     while i < bodies.shape[0] and (met.body < 0 or met.body != first):
         sooner = met.body < 0 or comes_first(bodies, i, met.body)
         if met.body >= 0 and first >= 0:
-            # The order begins at `first` and goes on from the beginning, as round a
-            # ring.
+            # Cyclic order from `first`.
             wraps = comes_first(bodies, i, first)
             if wraps != comes_first(bodies, met.body, first):
                 sooner = not wraps
@@ -135,17 +135,16 @@ def first_near(scene: Scene, rollout: Rollout, first: int) -> Meeting:
 
 @compiled_once
 def meeting_of(scene: Scene, rollout: Rollout, i: int) -> Meeting:
-    """Return when body i comes too near, if it does.
+    """Return the violation of body i along a rollout, if any.
 
-    Where it stands nearer than r_min it may stay so near. Half of ε is left for what
-    lies between two looks.
+    A static body inside r_min may stay as near. Half of ε is left for errors between
+    samples.
     """
     s = scene.settings[0]
     end = s.horizon if moves(scene, i) else s.horizon_still
-    # What has less than r_min now is not asked for more than it has: it could not be
-    # left at all.
+    # Inside r_min the present distance suffices: else it could not be left.
     level, slack = min(body_at(scene, i).now, 0.0), 0.5 * tolerance(scene)
-    # Less than that: the level of the judge, and nothing left to miss.
+    # Below that: the judge's threshold, without slack.
     if level < -slack:
         level, slack = lowest(scene), 0.0
     near, time = too_near(scene, rollout, i, (0.0, end), level, slack)
@@ -156,11 +155,10 @@ def meeting_of(scene: Scene, rollout: Rollout, i: int) -> Meeting:
 def nearest_ahead(scene: Scene, query: Query, start: Pair, limit: float) -> Candidate:
     """Return a local optimum near a start, by sequential convexification.
 
-    Linearised about the start and on about each answer. From a twist that keeps its
-    distance the way to an answer that does not is halved, and so it is at last, from
-    the twist that is followed (``limit`` infinite), to one that gains next to nothing:
-    where the distance bends, the whole way leads from one side to the other and back.
-    An answer dearer than ``limit`` is not followed.
+    Each iteration linearises about the last solution. The step from a feasible twist to
+    an infeasible one is halved; on the followed twist (``limit`` infinite) also a step
+    that gains next to nothing, since a full step may oscillate about a curved boundary.
+    A start whose cost exceeds ``limit`` is abandoned.
     """
     twist, where, halved, settles = start, -1, 0, False
     best, tries = Candidate(0.0, 0.0, math.inf), HOPELESS
@@ -171,7 +169,7 @@ def nearest_ahead(scene: Scene, query: Query, start: Pair, limit: float) -> Cand
         met = first_near(scene, rollout, where)
         if met.body < 0:
             halved, cost = 0, cost_of(scene, query, twist[0], twist[1])
-            # Feasible: worth another linearisation only while the cost still falls.
+            # Feasible: linearise again only while the cost decreases.
             gains = cost <= GAIN * best.cost
             if settles or gains:
                 best = Candidate(twist[0], twist[1], cost)
@@ -180,8 +178,7 @@ def nearest_ahead(scene: Scene, query: Query, start: Pair, limit: float) -> Cand
             if not gains:
                 settles, twist = True, midpoint(twist, best)
                 continue
-        # Linearised too far from where it holds: half-way back to what keeps its
-        # distance.
+        # Outside the linearisation's validity: half-way back to the feasible twist.
         elif best.cost < math.inf and halved < HALVINGS:
             halved, where, twist = halved + 1, met.body, midpoint(twist, best)
             continue
@@ -193,7 +190,7 @@ def nearest_ahead(scene: Scene, query: Query, start: Pair, limit: float) -> Cand
         moved = abs(twist[0] - before[0]) + abs(twist[1] - before[1])
         if not solved.found or (met.body < 0 and moved < UNMOVED):
             break
-        # What still violates something may become cheaper yet.
+        # An infeasible twist may still become cheaper.
         dearest = limit if met.body < 0 else DEAR * limit
         if cost_of(scene, query, twist[0], twist[1]) > dearest:
             break
@@ -216,7 +213,7 @@ def driven_on(scene: Scene, query: Query, twist: Pair) -> Rollout:
 
 @compiled_once
 def next_twist(scene: Scene, query: Query, rollout: Rollout, met: Meeting) -> Optimum:
-    """Return the answer of the QP that is linearised about a rollout."""
+    """Return the solution of the QP linearised about a rollout."""
     s = scene.settings[0]
     m = linearised_rows(scene, rollout, met, query.tables)
     terms = Terms(query.box, query.desired, (s.weight_v, s.weight_omega), 0)
@@ -225,10 +222,10 @@ def next_twist(scene: Scene, query: Query, rollout: Rollout, met: Meeting) -> Op
 
 @compiled_once
 def lets_pass(scene: Scene, rollout: Rollout) -> bool:
-    """Return whether a robot at rest at the horizon lets every moving body pass.
+    """Return whether a robot at rest at the horizon is out of every moving body's path.
 
-    What moves on for :data:`PASSING` sweeps a wall as wide as it wants. A twist that
-    does not let an obstacle pass may drive on before it for ever.
+    The body sweeps :data:`PASSING` m, with its required distance. A twist that ends in
+    its path may drive ahead of it indefinitely.
     """
     s, last = scene.settings[0], rollout.arcs.shape[0] - 1
     at = frame_at(arc_at(rollout.arcs, last), s.horizon, s.dt)
@@ -246,7 +243,7 @@ def lets_pass(scene: Scene, rollout: Rollout) -> bool:
 
 @compiled_once
 def seen_from(at: Frame, body: Body, time: float) -> Pair:
-    """Return where the pivot of a body is at a time, as seen from a frame."""
+    """Return the pivot of a body at a time, in a frame, m."""
     d_x, d_y = body.x + time * body.v_x - at.x, body.y + time * body.v_y - at.y
     return at.cos * d_x + at.sin * d_y, at.cos * d_y - at.sin * d_x
 
@@ -255,11 +252,10 @@ def seen_from(at: Frame, body: Body, time: float) -> Pair:
 def refine_candidate(
     scene: Scene, query: Query, start: Pair, limit: float
 ) -> Candidate:
-    """Return the twist near the start that keeps its distance and lets others pass.
+    """Return a feasible twist near the start that is out of moving bodies' paths.
 
-    That is, on the way from the nearest one back to the start. Where none does, the
-    nearest itself at :data:`IN_THE_WAY` times its cost; what costs more than ``limit``
-    is not looked at so closely.
+    Searched from the nearest optimum back to the start. If none is, the optimum itself
+    at :data:`IN_THE_WAY` times its cost. Above a cost of ``limit`` it is not searched.
     """
     found = nearest_ahead(scene, query, start, limit)
     if found.cost >= limit:

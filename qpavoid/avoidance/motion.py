@@ -1,4 +1,4 @@
-"""Predicted places of bodies, robot frame, and bounds of their room and speed."""
+"""Predicted positions of bodies, robot frame, and bounds of their margin and speed."""
 
 import math
 from typing import NamedTuple
@@ -15,13 +15,13 @@ from qpavoid.types import Array
 
 
 class End(NamedTuple):
-    """One end of a body's line, from the robot.
+    """One end of a body's segment.
 
     Attributes:
         x: Robot frame, m.
-        y: The same.
+        y: Robot frame, m.
         v_x: Over ground, in the robot's axes, m/s.
-        v_y: The same.
+        v_y: Over ground, in the robot's axes, m/s.
     """
 
     x: float
@@ -31,7 +31,7 @@ class End(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """Both ends of a body's line at a time; of a point they are the same."""
+    """Both ends of a body's segment at a time; equal for a point."""
 
     one: End
     other: End
@@ -39,7 +39,7 @@ class Ends(NamedTuple):
 
 @compiled_once
 def ends_at(body: Body, time: float, at: Frame) -> Ends:
-    """Return the ends of a body at a time, as seen from a frame."""
+    """Return the ends of a body at a time, in a frame."""
     v_x, v_y, c, s = body.v_x, body.v_y, at.cos, at.sin
     p_x, p_y = body.x + time * v_x - at.x, body.y + time * v_y - at.y
     if is_point(body):
@@ -47,7 +47,7 @@ def ends_at(body: Body, time: float, at: Frame) -> Ends:
         end = End(x, y, c * v_x + s * v_y, c * v_y - s * v_x)
         return Ends(end, end)
     x1, y1, x2, y2, spin = body.x1, body.y1, body.x2, body.y2, body.turn
-    # A rotating obstacle turns its line about the pivot, which moves on straight.
+    # A rotating obstacle turns its segment about the pivot, which moves straight.
     if spin != 0.0:
         cos, sin = math.cos(spin * time), math.sin(spin * time)
         x1, y1 = cos * x1 - sin * y1, sin * x1 + cos * y1
@@ -64,7 +64,7 @@ def ends_at(body: Body, time: float, at: Frame) -> Ends:
 
 @compiled_once
 def line_contact(edges: Array, body: Body, ends: Ends) -> Contact:
-    """Return the contact of the footprint with the line of a body."""
+    """Return the contact of the footprint with the segment of a body."""
     one, other = ends.one, ends.other
     if is_point(body):
         return point_contact(edges, one.x, one.y)
@@ -73,8 +73,8 @@ def line_contact(edges: Array, body: Body, ends: Ends) -> Contact:
 
 @compiled
 def circle_room(scene: Scene, body: Body, time: float, at: Frame) -> float:
-    """Return the room of the circles round footprint and body, m: never too much."""
-    # Neither circle depends on how footprint or body are turned.
+    """Return a lower bound of the margin, m: that of the circles round both."""
+    # The circles are independent of the headings.
     d_x, d_y = body.x + time * body.v_x - at.x, body.y + time * body.v_y - at.y
     apart = math.sqrt(d_x * d_x + d_y * d_y)
     return float(apart - limits_of(scene.robot).circumradius - body.spread)
@@ -82,13 +82,13 @@ def circle_room(scene: Scene, body: Body, time: float, at: Frame) -> float:
 
 @compiled
 def growth_of(scene: Scene, body: Body) -> float:
-    """Return how fast the distance to keep from a body grows, m/s."""
+    """Return the rate of growth of a body's required distance, m/s."""
     return float(body.growth + (scene.drift if body.kind != MOVES else 0.0))
 
 
 @compiled
 def passing_speed(scene: Scene, rollout: Rollout, body: Body) -> float:
-    """Return how fast the circles round footprint and body come nearer at most, m/s."""
+    """Return the greatest closing speed of the circles round both, m/s."""
     speed = math.sqrt(body.v_x**2 + body.v_y**2)
     return float(rollout.speed + speed + growth_of(scene, body))
 
@@ -97,20 +97,20 @@ def passing_speed(scene: Scene, rollout: Rollout, body: Body) -> float:
 def stays_away(
     scene: Scene, rollout: Rollout, i: int, end: float, level: float
 ) -> bool:
-    """Return whether body i keeps a level of room up to a time, by its circle alone.
+    """Return whether the circle of body i keeps a threshold up to a time.
 
-    Told by a comparison, for the many that are far away.
+    One comparison, for the many bodies that are far away.
 
     Args:
         scene: With the body.
-        rollout: The way of the robot.
+        rollout: Of the robot.
         i: Number of the body.
-        end: Until when, s.
-        level: Room, m.
+        end: End of the check, s.
+        level: Threshold, m.
     """
     body = body_at(scene, i)
-    # Squares are compared, without a root: most bodies leave a step here. Where far < 0
-    # the level is so low that nothing can undercut it.
+    # Squares, without a root: most bodies are rejected here. With far < 0 the threshold
+    # cannot be violated.
     far = limits_of(scene.robot).circumradius + body.spread + level
     far += passing_speed(scene, rollout, body) * end
     return bool(far < 0.0 or body.x * body.x + body.y * body.y > far * far)
@@ -118,7 +118,7 @@ def stays_away(
 
 @compiled
 def closing_speed(scene: Scene, rollout: Rollout, body: Body) -> float:
-    """Return how fast footprint and body come nearer at most, m/s."""
+    """Return the greatest closing speed of footprint and body, m/s."""
     turning = rollout.turning * limits_of(scene.robot).circumradius
     speed = body.speed + growth_of(scene, body)
     return float(rollout.speed + turning + speed)

@@ -1,4 +1,4 @@
-"""Plans of two twists, by search: for where no constant one keeps its distance."""
+"""Search of plans of two twists, for scenes where no constant twist is clear."""
 
 import math
 from typing import NamedTuple
@@ -14,41 +14,39 @@ from qpavoid.compiled import compiled, compiled_once
 from qpavoid.types import Box, Pair
 
 SWITCHES = (1.6, 1.1, 0.7, 0.4, 0.2, 0.1)
-"""s; when a plan of two twists may go over to its second, in whole control steps."""
+"""s; times of the switch to the second twist, in whole control steps."""
 
 PLENTY = 0.01
-"""m of room; of plans with as much the cheapest is taken."""
+"""m; margin from which on the cheapest plan is taken."""
 
 MOST_ROOM = 3.0
-"""m; of plans that cost the same the one with more room is taken, up to so much."""
+"""m; bound of the margin that decides between plans of equal cost."""
 
 ALIKE = 1e-3
-"""m of room; of plans with as many of them the cheaper is taken."""
+"""m; resolution of the margin: of plans that are equal in it the cheaper is taken."""
 
 BETTER = 3e-3
-"""m by which another plan must be better to be taken up."""
+"""m; hysteresis of the margin for a change of the plan."""
 
 SHARES = 3
-"""Steps over which the search is spread once it has been done in full."""
+"""Control steps over which the search is spread after it has been done in full."""
 
 NO_ROOM = -1e9
-"""m; the room of a plan that is refused: it drives into what stands, or it cannot be
-the best."""
+"""m; margin of a rejected plan: it violates a static body, or cannot be the best."""
 
 NOTHING_YET = 2.0 * NO_ROOM
-"""m; less than of any plan: what the first one is compared with."""
+"""m; initial margin of the search, less than of any plan."""
 
 
 class Found(NamedTuple):
-    """A plan with its evaluation.
+    """A plan with its score.
 
     Attributes:
-        plan: With the twist that it begins with as its target.
-        room: Least room of what moves, m, as far as it matters; :data:`NO_ROOM`: it
-            comes too near to what stands.
+        plan: The plan; its first twist is the target.
+        room: Least margin of moving bodies, m, or :data:`NO_ROOM`.
         cost: Of its first twist, and a tenth of that of its second, (m/s)².
-        body: That is met, and where the next plan is looked at first; −1: none.
-        time: When, s.
+        body: Violated body, checked first for the next plan; −1: none.
+        time: Of the violation, s.
     """
 
     plan: Plan
@@ -60,13 +58,13 @@ class Found(NamedTuple):
 
 @compiled
 def is_refused(found: Found) -> bool:
-    """Return whether a plan has :data:`NO_ROOM`, whatever was added to that."""
+    """Return whether a plan is rejected: its margin is about :data:`NO_ROOM`."""
     return not found.room > 0.5 * NO_ROOM
 
 
 @compiled
 def evenly(box: Box, number: int) -> Pair:
-    """Return one of twenty-five twists, five by five from limit to limit."""
+    """Return one of 5 × 5 twists, evenly spaced within the limits."""
     v = box.v_min + 0.25 * (number // 5) * (box.v_max - box.v_min)
     width = box.omega_max - box.omega_min
     return v, box.omega_min + 0.25 * (number % 5) * width
@@ -74,7 +72,7 @@ def evenly(box: Box, number: int) -> Pair:
 
 @compiled
 def extreme(box: Box, number: int) -> Pair:
-    """Return one of the nine twists of which either part is least, 0 or greatest."""
+    """Return one of 3 × 3 twists with v and ω least, 0 or greatest."""
     v = (box.v_min, 0.0, box.v_max)[number // 3]
     return v, (box.omega_min, 0.0, box.omega_max)[number % 3]
 
@@ -88,16 +86,16 @@ def plan_cost(scene: Scene, query: Query, plan: Plan) -> float:
 
 @compiled
 def worth(room: float) -> float:
-    """Return the room that counts, m: in whole :data:`ALIKE`, up to what is plenty."""
-    # In steps: less than a millimetre more of room is worth no dearer plan.
+    """Return the margin in units of :data:`ALIKE`, at most :data:`PLENTY`, m."""
+    # Quantised: a margin larger by less than a millimetre is worth no higher cost.
     return ALIKE * math.floor(min(room, PLENTY) / ALIKE)
 
 
 @compiled_once
 def is_better(one: Found, other: Found) -> bool:
-    """Return whether a plan is worth more, or costs less, or has more room.
+    """Return whether a plan is better: by worth, then cost, then margin.
 
-    An order of all plans, whatever the order in which they are looked at.
+    A total order, independent of the order of the search.
     """
     if worth(one.room) != worth(other.room):
         return one.room > other.room
@@ -108,13 +106,13 @@ def is_better(one: Found, other: Found) -> bool:
 
 @compiled
 def level_of(scene: Scene, i: int, level: float) -> float:
-    """Return the room that a body must leave to a plan, m."""
+    """Return the threshold of a body's margin for a plan, m."""
     return level if moves(scene, i) else lowest(scene)
 
 
 @compiled_once
 def time_until_near(scene: Scene, rollout: Rollout, level: float, end: float) -> float:
-    """Return when something comes nearer than a level first, s; at most ``end``."""
+    """Return the time of the first margin below a threshold, s; at most ``end``."""
     watch = Watch((end, level), (end, lowest(scene)))
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
@@ -129,14 +127,14 @@ def time_until_near(scene: Scene, rollout: Rollout, level: float, end: float) ->
 def looked_at(
     scene: Scene, query: Query, plan: Plan, best: Found, last: Found
 ) -> Found:
-    """Evaluate a plan, as far as it can be better than the best so far.
+    """Return the score of a plan, as far as it can be better than the best so far.
 
     Args:
         scene: Of the step.
-        query: What is desired.
-        plan: To be looked at.
-        best: So far.
-        last: Looked at before; where that failed is looked first.
+        query: Desired twist.
+        plan: To be scored.
+        best: Best so far.
+        last: Scored before; its violation is checked first.
     """
     cost, body, time = plan_cost(scene, query, plan), last.body, last.time
     failed = Found(plan, NO_ROOM, cost, body, time)
@@ -144,8 +142,7 @@ def looked_at(
     if best.room >= PLENTY and cost > best.cost:
         return failed
     rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
-    # What stopped the last plan stops most of the next ones: one look there refuses
-    # them.
+    # The last violation recurs for most of the next plans: one check rejects them.
     if body >= 0 and room_at(scene, rollout, body, time) < level_of(scene, body, level):
         return failed
     moving, still = (scene.settings[0].horizon, level), (rollout.rest, lowest(scene))
@@ -159,17 +156,17 @@ def looked_at(
 
 @compiled_once
 def best_plan(scene: Scene, query: Query, kept: Plan, share: int) -> Found:
-    """Return the plan of two extreme twists with the most room.
+    """Return the plan of two extreme twists with the largest margin.
 
-    The plan last followed is kept unless another is better by :data:`BETTER`. Share 0:
-    all first twists are looked at, else the third of them whose turn it is; all
+    The last plan is retained unless another one is better by :data:`BETTER`. ``share``
+    0: all first twists are searched, else the third of them whose turn it is; all
     constant twists in any case.
     """
     box, s, anew = query.box, scene.settings[0], False
     end = whole_steps(s.horizon, s.dt)
     nothing = Found(kept, NOTHING_YET, math.inf, -1, 0.0)
     first = looked_at(scene, query, kept, nothing, nothing)
-    # As if it had so much more room: another one has to be better by that.
+    # Hysteresis: another plan has to be better by BETTER.
     best, last = Found(kept, first.room + BETTER, first.cost, -1, 0.0), first
     for i in range(9 + 25):
         twist = extreme(box, i) if i < 9 else evenly(box, i - 9)
@@ -184,7 +181,7 @@ def best_plan(scene: Scene, query: Query, kept: Plan, share: int) -> Found:
         plan = hold(twist[0], twist[1], end)
         rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
         level = worth(best.room)
-        # To switch over after the violation is too late for every second twist.
+        # A switch after the violation is too late for any second twist.
         latest, before = time_until_near(scene, rollout, level, s.horizon), 0.0
         for time in SWITCHES:
             switch = whole_steps(time, s.dt)
@@ -193,7 +190,7 @@ def best_plan(scene: Scene, query: Query, kept: Plan, share: int) -> Found:
             before = switch
             for j in range(9):
                 then = extreme(box, j)
-                # A constant twist, looked at above.
+                # A constant twist, scored above.
                 if j == i:
                     continue
                 plan = Plan(twist[0], twist[1], switch, then[0], then[1], end)

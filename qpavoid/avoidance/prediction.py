@@ -1,9 +1,9 @@
 """Rollouts of plans.
 
-A *plan* is two twists, one after the other, each reached from the one before at full
-acceleration, and then braking to rest. Its *rollout* is the way that a robot goes whose
-twist jumps at the start of a control step and is then held: arcs, one after the other,
-exact. Robot frame of the present.
+A *plan* is two successive twists, each reached from the one before at full
+acceleration, and then braking to rest. Its *rollout* is the exact trajectory of a robot
+whose twist jumps at the start of a control step and is then held: a chain of arcs, in
+the robot frame of the present.
 """
 
 import math
@@ -19,7 +19,7 @@ from qpavoid.model.robot import RELATIVE_ROUNDING, braking_steps, limit_twist, l
 from qpavoid.types import Array, MatrixWritten, Pair, Sizes, Vector
 
 SAME_TIME = 1e-6
-"""Of a control step or tick; times that differ by less are the same."""
+"""Of a control step or tick; relative tolerance of equal times."""
 
 
 class Arc(NamedTuple):
@@ -27,13 +27,13 @@ class Arc(NamedTuple):
 
     Attributes:
         begin: s.
-        x: Where it begins, m.
-        y: m.
+        x: Of its start, m.
+        y: Of its start, m.
         cos: Of the heading there.
-        sin: The same.
+        sin: Of the heading there.
         v: m/s.
         omega: rad/s.
-        steps: In how many control steps that is braked away; ``inf``: it is kept.
+        steps: Control steps of braking; ``inf``: the twist is held.
         share_v: ∂v/∂v of the first target.
         share_omega: ∂ω/∂ω of it.
     """
@@ -71,17 +71,16 @@ class Slopes(NamedTuple):
 SHARE_V, SHARE_OMEGA = map(Arc._fields.index, ("share_v", "share_omega"))
 SLOPES = len(Arc._fields)
 ARC = SLOPES + len(Slopes._fields)
-"""Columns of the table of arcs: :class:`Arc`, and :class:`Slopes` where it begins."""
+"""Columns of the table of arcs: :class:`Arc`, and :class:`Slopes` at its start."""
 
 
 class Plan(NamedTuple):
-    """A twist, from ``switch`` on another, from ``end`` on braking along the arc.
+    """A twist, from ``switch`` on another one, from ``end`` on braking along the arc.
 
-    Both times are whole control steps: a part of one is never driven as it is rolled
-    out.
+    Both times are whole control steps.
 
     Attributes:
-        v: m/s, driven towards at full acceleration, as all parts.
+        v: m/s, target, reached at full acceleration.
         omega: rad/s.
         switch: s.
         v_then: m/s.
@@ -101,11 +100,11 @@ class Rollout(NamedTuple):
     """Trajectory of a plan: arcs with zero-order hold.
 
     Attributes:
-        arcs: (n, :data:`ARC`); the last one goes on to its end.
+        arcs: (n, :data:`ARC`); the last one has no end.
         speed: Greatest |v|, m/s.
         turning: Greatest |ω|, rad/s.
-        rest: From when on the robot stands, s.
-        target: The first twist that the plan aims at.
+        rest: Time from which on the robot stands, s.
+        target: First target twist of the plan.
     """
 
     arcs: Array
@@ -130,7 +129,7 @@ def whole_steps(time: float, dt: float) -> float:
 @entry
 @compiled
 def most_arcs(settings: FilterSettings) -> int:
-    """Return how many arcs a rollout has at most."""
+    """Return the greatest number of arcs of a rollout."""
     steps: int = math.ceil(settings[0].horizon / settings[0].dt)
     return steps + 6
 
@@ -139,9 +138,9 @@ def most_arcs(settings: FilterSettings) -> int:
 def ramp(
     now: float, target: float, step: float, many: int
 ) -> tuple[float, float, float]:
-    """Return a value after ``many`` steps towards the target, its mean, ∂mean/∂target.
+    """Return a value after ``many`` steps towards a target, its mean, ∂mean/∂target.
 
-    It moves by ``step`` at the start of each, as far as to the target.
+    At the start of each step it moves by at most ``step``.
     """
     gap = target - now
     full = min(float(many), math.floor(abs(gap) / step))
@@ -150,8 +149,7 @@ def ramp(
     # A staircase: `full` steps of equal height, then the target for the rest.
     rest = float(many) - full
     mean = (full * now + 0.5 * full * (full + 1.0) * moved + rest * target) / many
-    # Without a step the mean is the target itself: many·target/many may differ in its
-    # last bit, and arcs are joined where both are equal.
+    # Exactly the target, not many·target/many: equal values join arcs.
     return end, mean if full > 0.0 else target, rest / many
 
 
@@ -172,7 +170,7 @@ def arc_index(arcs: Array, row: int, time: float) -> int:
 
 @compiled
 def slopes_of(arcs: Array, row: int) -> Slopes:
-    """Return how the beginning of an arc depends on the first target."""
+    """Return the slopes at the start of an arc."""
     a = arcs[row]
     return Slopes(a[SLOPES], a[SLOPES + 1], a[SLOPES + 2], a[SLOPES + 3], a[SLOPES + 4])
 
@@ -187,7 +185,7 @@ def set_slopes(arcs: Array, row: int, slopes: Slopes) -> None:
 
 @compiled
 def arc_from(begin: float, at: Frame, twist: Pair, steps: float) -> Arc:
-    """Return an arc that does not depend on the target."""
+    """Return an arc that is independent of the target."""
     v, omega = twist
     return Arc(begin, at.x, at.y, at.cos, at.sin, v, omega, steps, 0.0, 0.0)
 
@@ -203,24 +201,22 @@ def set_arc(arcs: Array, row: int, arc: Arc) -> None:
 
 @compiled_once
 def roll_out(scene: Scene, plan: Plan, now: Pair, held: float, many: int) -> Rollout:
-    """Return the rollout of a plan.
-
-    It lives in the memory of the scene, until the next one is rolled out.
+    """Return the rollout of a plan, in the scene's memory: valid until the next one.
 
     Args:
         scene: Robot, settings and memory.
-        plan: What is to be driven.
-        now: The twist to be driven next; where none is held, the one driven last.
+        plan: The plan.
+        now: The first twist; with ``held`` = 0 the twist driven last.
         held: s for which ``now`` is driven first: a control step, or 0.
-        many: Control steps in which accelerations are counted at once, by their mean;
-            1 is exact, and keeps the wheels' limits.
+        many: Control steps per arc of a ramp, driven with their mean twist; 1 is exact,
+            and keeps the wheels' limits.
     """
     robot, dt, arcs = scene.robot, scene.settings[0].dt, scene.arcs
     limits = limits_of(robot)
     at, time, row, same = Frame(0.0, 0.0, 1.0, 0.0), 0.0, 0, SAME_TIME * dt
     speed, turning = 0.0, 0.0
     (twist_v, twist_omega), last = now, plan.end - dt
-    # A plan of one control step has no arc before the one that brakes.
+    # A plan of one control step consists of braking only.
     if 0.0 < held <= last + same:
         set_arc(arcs, 0, arc_from(0.0, at, now, math.inf))
         at, time, row = moved_on(at, now[0], now[1], held), held, 1
@@ -235,7 +231,7 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, held: float, many: int) -> Rol
             w_end, w_mean, w_share = ramp(
                 twist_omega, omega, limits.angular_acceleration * dt, many
             )
-            # The wheels' limit couples v and ω, which no mean of either knows.
+            # The wheels' limit couples v and ω; means would not keep it.
             if many == 1:
                 before = (twist_v, twist_omega)
                 v_end, w_end = limit_twist(robot, (v, omega), before, dt)
@@ -249,8 +245,7 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, held: float, many: int) -> Rol
             at, time, row = moved_on(at, v_mean, w_mean, lasts), time + lasts, row + 1
             speed, turning = max(speed, abs(v_mean)), max(turning, abs(w_mean))
             twist_v, twist_omega = v_end, w_end
-    # The plan's last control step still drives towards its target; braking begins from
-    # what that gives.
+    # The last control step still accelerates to the target; braking starts from there.
     if row > 0 or held == 0.0:
         v, omega = plan.v_then, plan.omega_then
         if plan.switch > last + same:
@@ -266,9 +261,9 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, held: float, many: int) -> Rol
 
 @compiled
 def braking_place(time: float, steps: float, dt: float) -> float:
-    """Return how long (v, ω) drives to where braking in n steps has come by a time, s.
+    """Return the time for which (v, ω) covers the same arc as braking in n steps, s.
 
-    The first of the steps is driven in full. With n = ∞ the time itself.
+    The first step is driven in full. With n = ∞ the time itself.
     """
     if steps == math.inf:
         return time
@@ -280,7 +275,7 @@ def braking_place(time: float, steps: float, dt: float) -> float:
 
 @compiled
 def braking_share(time: float, steps: float, dt: float) -> float:
-    """Return the share of the twist that is driven at a time after its arc began."""
+    """Return the share of the twist at a time after its arc began."""
     if steps == math.inf:
         return 1.0
     return max(1.0 - math.floor(time / dt + RELATIVE_ROUNDING) / steps, 0.0)
@@ -288,7 +283,7 @@ def braking_share(time: float, steps: float, dt: float) -> float:
 
 @compiled_once
 def frame_at(arc: Arc, time: float, dt: float) -> Frame:
-    """Return where the robot is at a time on an arc of a rollout."""
+    """Return the robot's frame at a time on an arc of a rollout."""
     at, place = Frame(arc.x, arc.y, arc.cos, arc.sin), 0.0
     if time > arc.begin:
         place = braking_place(time - arc.begin, arc.steps, dt)
@@ -305,7 +300,7 @@ def _fill_places_fits(
     arcs: Annotated[MatrixWritten, Sizes(1, ARC)],
     places: Annotated[MatrixWritten, Sizes(0, 2)],
 ) -> bool:
-    """Return whether all arcs and places have a row."""
+    """Return whether the memory fits: rows for all arcs and places."""
     fits = places.shape[0] >= times.shape[0]
     all_fit: bool = fits and arcs.shape[0] >= most_arcs(setup.settings)
     return all_fit
@@ -321,13 +316,13 @@ def fill_places(
     arcs: Annotated[MatrixWritten, Sizes(1, ARC)],
     places: Annotated[MatrixWritten, Sizes(0, 2)],
 ) -> float:
-    """Fill in where a robot is at times (n,); return when it stands, s.
+    """Fill in the positions of a robot at times (n,); return when it stands, s.
 
-    It drives a twist for one control step, then a plan. Robot frame.
+    A twist for one control step, then a plan. Robot frame.
 
     Args:
-        setup: Whose limits and control step they are.
-        plan: What is left of it after that step.
+        setup: Limits and control step.
+        plan: Rest of the plan after that step.
         twist: v (m/s), ω (rad/s).
         times: From now on, s.
         arcs: (:func:`most_arcs`, :data:`ARC`), memory.
@@ -350,7 +345,7 @@ def fill_places(
 
 
 def places_of(setup: Setup, plan: Plan, twist: Pair, tick: float) -> Array:
-    """Return the places (n, 2) until the robot stands, m, one a ``tick`` (s).
+    """Return the positions (n, 2), m, until the robot stands, one per ``tick`` (s).
 
     Arguments as in :func:`fill_places`.
     """

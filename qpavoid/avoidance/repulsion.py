@@ -20,7 +20,7 @@ from qpavoid.model.robot import limit_twist, limits_of
 from qpavoid.types import ContactRowsWritten, Sizes, VectorWritten
 
 SINGULAR_LEVER = 1e-9
-"""m; a shorter lever arm, undamped, has no inverse worth the name."""
+"""m; shorter undamped lever arms count as singular."""
 
 
 @compiled
@@ -57,7 +57,7 @@ def eq5(
 def eq7(
     p_x: float, p_y: float, n_x: float, n_y: float, speed: float, damping: float
 ) -> tuple[float, float]:
-    """Return the repulsive twist of Eq. 7, as read: (0, ẋ_0/(p_y cos α − p_x sin α)).
+    """Return the repulsive twist of Eq. 7: (0, ẋ_0/(p_y cos α − p_x sin α)).
 
     α is the angle of the outward normal (n_x, n_y) of the **segment** that holds P_r,
     so that one formula holds for all segments and both sides. The denominator is the
@@ -85,7 +85,7 @@ def _repulsion_step_fits(
     state: Annotated[VectorWritten, Sizes(2)],
     contacts: ContactRowsWritten,
 ) -> bool:
-    """Return whether all contacts have a row."""
+    """Return whether ``contacts`` has room for all contacts."""
     all_fit: bool = contacts.shape[0] >= most_contacts(setup.edges, request.obstacles)
     return all_fit
 
@@ -99,17 +99,14 @@ def repulsion_step(
     state: Annotated[VectorWritten, Sizes(2)],
     contacts: ContactRowsWritten,
 ) -> Outcome:
-    """Return the outcome of Eq. 5 or Eq. 7.
-
-    The nearest obstacle alone repels, as in the paper.
+    """Return the outcome of Eq. 5 or Eq. 7; only the nearest obstacle repels.
 
     Args:
         law: 5 or 7.
         setup: Footprint, limits and settings.
         request: Obstacles and desired twist.
-        state: Twist driven last; the next one, cut to what the robot can drive,
-            replaces it.
-        contacts: Has room for all of them.
+        state: Twist driven last; replaced by the next one, within the limits.
+        contacts: Memory for all of them.
     """
     (v, omega), robot = request.desired, setup.robot
     if not (math.isfinite(v) and math.isfinite(omega)):
@@ -135,7 +132,7 @@ def repulsion_step(
 def repulsive_twist(
     law: int, setup: Setup, contact: ObstacleContact, request: Request
 ) -> tuple[int, float, float]:
-    """Return code and what Eq. 5 or 7 adds to the desired twist at a contact."""
+    """Return the status and the twist that Eq. 5 or 7 adds at a contact."""
     s, c, age, (v, omega) = setup.settings[0], contact, request.age, request.desired
     speed = math.sqrt(c.v_x * c.v_x + c.v_y * c.v_y)
     r_min, wanted = wanted_distance(setup.settings, speed, age)

@@ -1,4 +1,4 @@
-"""What all predictions of a control step share: robot, settings, request, bodies."""
+"""Data shared by all predictions of a control step."""
 
 from typing import NamedTuple
 
@@ -51,14 +51,14 @@ class Scene(NamedTuple):
         settings: One :data:`qpavoid.avoidance.settings.RECORD`.
         bodies: (n, ``BODY``) in reach; see :mod:`qpavoid.avoidance.body_table`.
         last: v, ω driven last.
-        pending: Sums of |v|, m/s, and of |ω|, rad/s, of the steps on their way.
+        pending: Sums of |v|, m/s, and of |ω|, rad/s, over the pending steps.
         arcs: Memory for a rollout; see :mod:`qpavoid.avoidance.prediction`.
-        groups: A wall each that holds as many bodies as follow one another: what keeps
-            from it keeps from them. Its ``owner`` is the number of the body after them.
-        longest: s that a control step lasts at most.
-        drift: m/s by which the robot leaves the way of a rollout; what stands grows by
-            it meanwhile.
-        closest: m; no more of r_min is wanted of what stands. ``inf``: all of it.
+        groups: Walls, each containing successive bodies. The ``owner`` is the number of
+            the body after them.
+        longest: Greatest duration of a control step, s.
+        drift: Velocity error of the robot, m/s; static bodies grow by it.
+        closest: Minimum static clearance, m, that caps r_min of static bodies;
+            ``inf``: no cap.
     """
 
     edges: Array
@@ -76,7 +76,7 @@ class Scene(NamedTuple):
 
 @compiled
 def altered(scene: Scene, bodies: Array, drift: float, closest: float) -> Scene:
-    """Return the scene with other bodies, drift and ``closest``."""
+    """Return the scene with other bodies, drift and minimum static clearance."""
     # Compiled functions have no NamedTuple._replace.
     e, r, s, _, last, pending, arcs, groups, longest, _, _ = scene
     return Scene(e, r, s, bodies, last, pending, arcs, groups, longest, drift, closest)
@@ -90,7 +90,7 @@ def tolerance(scene: Scene) -> float:
 
 @compiled_once
 def look_box(robot: Array) -> Box:
-    """Return the box of the twists that the look-ahead may aim at."""
+    """Return the limits of the look-ahead's target twist."""
     limits = limits_of(robot)
     return Box(
         max(limits.v_min, -UNLIMITED_TWIST),

@@ -1,4 +1,4 @@
-"""What can be set: safety radius (section 2), repulsion (Eq. 5, 7), and the QP."""
+"""Settings: safety radius (section 2), repulsion (Eq. 5, 7), and QP filter."""
 
 import math
 from dataclasses import dataclass, field, fields, is_dataclass
@@ -24,13 +24,13 @@ Bound: TypeAlias = Literal["barrier", "repulsion"]
 
 
 class RadiusCurve(NamedTuple):
-    """r_min over the speed of an obstacle: what compiled functions know of it.
+    """r_min over the speed of an obstacle, for compiled functions.
 
     Attributes:
-        r_min_slow: Of what is slow, m.
-        r_min_fast: Of what is fast, m.
-        speed_low: Up to which it is slow, m/s.
-        speed_high: From which on it is fast, m/s.
+        r_min_slow: Up to ``speed_low``, m.
+        r_min_fast: From ``speed_high`` on, m.
+        speed_low: m/s.
+        speed_high: m/s.
     """
 
     r_min_slow: float
@@ -41,7 +41,7 @@ class RadiusCurve(NamedTuple):
 
 @compiled
 def radius_curve(settings: npt.NDArray[np.void]) -> RadiusCurve:
-    """Return the curve of a record of settings, of the filter or of the guide."""
+    """Return the curve of a settings record, of the filter or of the guide."""
     s = settings[0]
     return RadiusCurve(s.r_min_slow, s.r_min_fast, s.speed_low, s.speed_high)
 
@@ -49,7 +49,7 @@ def radius_curve(settings: npt.NDArray[np.void]) -> RadiusCurve:
 @entry
 @compiled
 def safety_radius(speed: float, curve: RadiusCurve) -> float:
-    """Return r_min for an obstacle's speed in m/s, in m: linear between two speeds."""
+    """Return r_min for an obstacle's speed in m/s, in m: piecewise linear."""
     c = curve
     if speed <= c.speed_low:
         return c.r_min_slow
@@ -62,10 +62,10 @@ def safety_radius(speed: float, curve: RadiusCurve) -> float:
 @entry
 @compiled
 def activation(kind: int, distance: float, r_min: float, r: float) -> float:
-    """Return the share of ẋ_0 that acts at a distance, from 0 (d ≥ r) to 1 (d ≤ r_min).
+    """Return the share of ẋ_0 at a distance, from 0 (d ≥ r) to 1 (d ≤ r_min).
 
-    Kind 0, ``step``: all of it below r, as printed. 1, ``linear``: (r − d)/(r − r_min).
-    2, ``smooth``: the same, q, as 3q² − 2q³, without a kink at either end.
+    Kind 0, ``step``: 1 below r, as printed. 1, ``linear``: q = (r − d)/(r − r_min).
+    2, ``smooth``: 3q² − 2q³, without a kink at either end.
     """
     if distance >= r:
         return 0.0
@@ -77,16 +77,16 @@ def activation(kind: int, distance: float, r_min: float, r: float) -> float:
 
 @dataclass(frozen=True)
 class SafetyRadius:
-    """r_min as a linear function of the obstacle's speed, and r = zone_ratio · r_min.
+    """Safety radius r_min, piecewise linear in the speed v_o; r = zone_ratio · r_min.
 
     Attributes:
-        r_min_slow: For slow obstacles, m.
-        r_min_fast: For fast ones, m.
-        speed_low: Up to which an obstacle is slow, m/s.
-        speed_high: From which on it is fast, m/s.
-        zone_ratio: r / r_min, at least 1; the repulsion acts from r on.
-        closing_gain: κ, s; r_min grows by κ times the speed at which robot and
-            obstacle close in on each other, which the paper proposes as an enhancement.
+        r_min_slow: Safety distance for slow obstacles, m.
+        r_min_fast: Safety distance for fast obstacles, m.
+        speed_low: Speed up to which an obstacle is slow, m/s.
+        speed_high: Speed from which on it is fast, m/s.
+        zone_ratio: r / r_min, at least 1; the repulsion acts below r.
+        closing_gain: κ, s; r_min grows by κ times the closing speed of robot and
+            obstacle, an enhancement that the paper proposes.
     """
 
     r_min_slow: Annotated[float, "m", NOT_NEGATIVE] = 0.17
@@ -97,7 +97,7 @@ class SafetyRadius:
     closing_gain: Annotated[float, "s", NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
-        wants = "a safety radius wants"
+        wants = "a safety radius needs"
         check(self, wants)
         ordered = self.r_min_slow <= self.r_min_fast
         want(ordered, f"{wants} 0 <= r_min_slow <= r_min_fast")
@@ -105,7 +105,7 @@ class SafetyRadius:
 
     @property
     def curve(self) -> RadiusCurve:
-        """What compiled functions know of it."""
+        """The curve for compiled functions."""
         slow, fast = self.r_min_slow, self.r_min_fast
         return RadiusCurve(slow, fast, self.speed_low, self.speed_high)
 
@@ -123,12 +123,12 @@ class Repulsion:
     """The repulsive velocity ẋ_0 d̂_o of Eq. 5 and 7.
 
     Attributes:
-        speed: ẋ_0, m/s: a gain, since the limits of the robot cut what it asks for.
+        speed: ẋ_0, m/s: a gain, since the result is cut to the robot's limits.
         activation: ``step`` (as printed), ``linear`` or ``smooth``; see
             :func:`activation`.
-        damping: λ in m: where the laws divide by a lever x they multiply by
-            x/(x² + λ²) instead. 0 is as printed; at x = 0 itself, where the printed
-            laws have no value, the repulsion is then left out and the status says so.
+        damping: λ in m: the laws' factor 1/x, with a lever x, becomes x/(x² + λ²). 0 is
+            as printed; at x = 0, where the printed laws are singular, the repulsion is
+            then left out and the status says so.
     """
 
     speed: Annotated[float, "mps", NOT_NEGATIVE] = 10.0
@@ -136,42 +136,42 @@ class Repulsion:
     damping: Annotated[float, "m", NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
-        check(self, "repulsion wants")
+        check(self, "repulsion needs")
 
 
 @dataclass(frozen=True)
 class Margins:
-    """What may be wrong about an obstacle; it widens every obstacle, for all methods.
+    """Uncertainty of obstacles; inflates every obstacle, for all methods.
 
-    An obstacle measured ``age`` seconds ago at speed v_o is wider by
-    error + age·(v_o + a·age) + a·dt²/2: as far as it can have come, and as far as it
-    can stray from its velocity within a control step. The filter does not move away
-    from where an age alone has it: that holds a robot back. Once an obstacle may have
-    come farther than r_min, and so too near, the filter brakes.
+    An obstacle measured ``age`` seconds ago at speed v_o is inflated by
+    error + age·(v_o + a·age) + a·dt²/2: its possible displacement since then, and its
+    deviation from its velocity within a control step. The filter does not move away
+    because of the age: that would hold a robot back. It brakes once an obstacle may
+    have moved by more than r_min.
 
     Attributes:
-        error: Of a measured position, m.
-        acceleration: a, the greatest of an obstacle, m/s².
+        error: Error of a measured position, m.
+        acceleration: a, greatest acceleration of an obstacle, m/s².
     """
 
     error: Annotated[float, "m", NOT_NEGATIVE] = 0.0
     acceleration: Annotated[float, "mps2", NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
-        check(self, "margins want")
+        check(self, "margins need")
 
 
 @compiled
 def widening(
     speed: float, age: float, error: float, acceleration: float, dt: float
 ) -> float:
-    """Return by how much an obstacle is widened, m; see :class:`Margins`.
+    """Return the inflation of an obstacle, m; see :class:`Margins`.
 
     Args:
         speed: Of the obstacle, m/s.
         age: Of its measurement, s.
-        error: Of it, m.
-        acceleration: That the obstacle may have, m/s².
+        error: Of the measurement, m.
+        acceleration: Greatest, of the obstacle, m/s².
         dt: Control step, s.
     """
     return error + come_since(speed, age, acceleration) + 0.5 * acceleration * dt * dt
@@ -179,22 +179,22 @@ def widening(
 
 @compiled
 def come_since(speed: float, age: float, acceleration: float) -> float:
-    """Return how far an obstacle can have come since it was measured, m."""
+    """Return the greatest displacement of an obstacle since it was measured, m."""
     return age * (speed + acceleration * age)
 
 
 @dataclass(frozen=True)
 class Actuation:
-    """What the base does to a twist; all it costs is room.
+    """Actuator model: delay, jitter, ramps. It only makes the filter more conservative.
 
     Attributes:
-        delay: s until a twist is driven; the twists given meanwhile are driven first.
-            At most :data:`MOST_PENDING` control steps.
-        jitter: Share by which a control step may last longer than dt: of 1 it lasts up
-            to twice as long. The accelerations count for dt.
-        ramps: The velocities do not jump at the start of a control step but go to the
-            twist at the robot's accelerations. With ``jitter`` the filter then has to
-            be told what is ``driven``.
+        delay: Dead time of a twist, s; earlier twists are driven meanwhile. At most
+            :data:`MOST_PENDING` control steps.
+        jitter: Greatest relative excess of a control step over dt: 1 means up to 2 dt.
+            The accelerations count for dt.
+        ramps: Velocities ramp to the twist at the robot's accelerations instead of
+            jumping at the start of a control step. With ``jitter`` the filter then
+            needs ``driven``.
     """
 
     delay: Annotated[float, "s", NOT_NEGATIVE] = 0.0
@@ -202,31 +202,32 @@ class Actuation:
     ramps: bool = False
 
     def __post_init__(self) -> None:
-        check(self, "actuation wants")
+        check(self, "actuation needs")
 
 
-MOST_STEPS = 10_000
-"""Control steps of a horizon; its memory grows with them."""
+HORIZON_STEPS = 10_000
+"""Greatest number of control steps of a horizon; memory grows with it."""
 
 MOST_PENDING = 8
-"""Twists that may be on their way to the wheels."""
+"""Greatest number of twists that are pending because of the delay."""
 
 
 @dataclass(frozen=True)
 class LookAhead:
-    """How far ahead the look-ahead rows see, and how they choose a side.
+    """Look-ahead: horizons, and the choice of a passing side.
 
     Attributes:
-        horizon: s, for obstacles that move. Long enough to leave the way of a slow one.
+        horizon: s, for moving obstacles; long enough to leave the path of a slow one.
             Plans last as many whole control steps as fit into it, at least one.
-        horizon_still: s, for those at rest: the robot can still turn or brake, and a
-            long one only makes it hesitate. Not more than ``horizon``.
-        tick: s between two looks along the arc; the clearance lost in between is added
+        horizon_still: s, for static obstacles: time to turn or brake; a long one makes
+            the robot hesitate. At most ``horizon``.
+        tick: Sampling period along the arc, s; the clearance lost in between is added
             to the radius.
-        hysteresis: Share by which another way round must be cheaper to change over.
-        review: s between two searches for another way round.
-        closest: m; so much of r_min is kept from what stands where what moves would
-            touch the robot else; at least 0.01. ``inf``: always all of it.
+        hysteresis: Relative cost by which another passing side must be cheaper.
+        review: Period of the search for another passing side, s.
+        closest: Minimum static clearance, m, that replaces r_min of static obstacles
+            where a moving one would touch the robot otherwise; at least 0.01. ``inf``:
+            r_min is always kept.
     """
 
     horizon: Annotated[float, "s", POSITIVE] = 3.0
@@ -237,7 +238,7 @@ class LookAhead:
     closest: Annotated[float, "m", Range(ge=0.01)] = 0.02
 
     def __post_init__(self) -> None:
-        wants = "look-ahead wants"
+        wants = "look-ahead needs"
         check(self, wants)
         want(self.tick <= self.horizon, f"{wants} 0 < tick <= horizon")
         few = self.horizon / self.tick <= 1000
@@ -248,30 +249,30 @@ class LookAhead:
 
 @dataclass(frozen=True)
 class AvoidanceSettings:
-    """The settings of all methods: Eq. 5, Eq. 7 and the QP filter.
+    """Settings of all methods: Eq. 5, Eq. 7 and the QP filter.
 
     Attributes:
         radius: r_min(v_o) and r.
         repulsion: ẋ_0, its activation and damping (Eq. 5, 7; QP with ``repulsion``).
         weights: Diagonal of the QP's W: 1 and m²/rad². A small second weight makes
-            turning cheap (the robot goes round), a large one makes it brake.
-        bound: Right-hand side b of the QP's rows. ``barrier``: −γ(d − r_min) + d̂_oᵀv_o;
-            ``repulsion``: ẋ_0 times the activation, for obstacles nearer than r; it
-            knows neither look-ahead nor braking room.
-        gamma: γ in 1/s: how fast the distance may shrink towards r_min; γ·dt ≤ 1.
-        reach: m; obstacles farther than this get no row. ``inf``: every obstacle that
-            some admissible twist could bring too near gets one.
+            turning cheap (the robot evades), a large one makes it brake.
+        bound: Right-hand side b of the QP's rows. ``barrier``: −γ(d − r_min) +
+            d̂_oᵀv_o; ``repulsion``: ẋ_0 times the activation, for obstacles nearer than
+            r, without look-ahead and braking check.
+        gamma: γ in 1/s: greatest rate at which the distance decays to r_min; γ·dt ≤ 1.
+        reach: Greatest distance of an obstacle with a row, m. ``inf``: every obstacle
+            that an admissible twist could bring too near.
         slack_tolerance: m/s; see :func:`qpavoid.qp.exact.relaxation`.
-        margins: Widening of obstacles that are not known exactly.
-        ahead: Of the look-ahead rows (controller ``qp-ahead``).
-        actuation: What the base does to a twist.
-        dt: Control step, s: how long a twist is held before the next one. The default
-            is a loop of 50 Hz: in one that is faster it only costs room, in a slower
-            one nothing is guaranteed. In a scenario it is the scenario's own.
-        braking_room: Drive only what leaves room to stop; see
+        margins: Inflation of obstacles that are not known exactly.
+        ahead: Of the look-ahead (controller ``qp-ahead``).
+        actuation: Actuator model.
+        dt: Control step, s: how long a twist is held. The default is a loop of 50 Hz: a
+            faster loop only makes it more conservative, in a slower one nothing is
+            guaranteed. In a scenario it is the scenario's own.
+        braking_room: Drive only twists that allow a stop; see
             :mod:`qpavoid.avoidance.judge`. Off, nothing is guaranteed.
-        passive: Where the look-ahead sees no way without a contact, brake in time to
-            be at rest when it comes; see the same module.
+        passive: If every predicted motion has a contact, brake in time to be at rest
+            when it happens; see the same module.
     """
 
     radius: SafetyRadius = field(default_factory=SafetyRadius)
@@ -291,18 +292,18 @@ class AvoidanceSettings:
     passive: bool = False
 
     def __post_init__(self) -> None:
-        check(self, "settings want")
+        check(self, "settings need")
         gain, delay = self.gamma * self.dt, self.actuation.delay
         want(gain <= 1.0, f"gamma * dt = {gain:g} > 1: one step could pass r_min")
         want(
             delay <= MOST_PENDING * self.dt * (1.0 + RELATIVE_ROUNDING),
-            f"actuation wants delay <= {MOST_PENDING} dt, not {delay} s",
+            f"actuation needs delay <= {MOST_PENDING} dt, not {delay} s",
         )
-        want(self.braking_room or not self.passive, "passive wants braking_room")
+        want(self.braking_room or not self.passive, "passive needs braking_room")
         steps = self.ahead.horizon / self.dt
         want(
-            steps <= MOST_STEPS,
-            f"look-ahead wants a horizon of at most {MOST_STEPS} control steps of "
+            steps <= HORIZON_STEPS,
+            f"look-ahead needs a horizon of at most {HORIZON_STEPS} control steps of "
             f"dt = {self.dt:g} s, not {steps:.3g}",
         )
 
@@ -330,8 +331,8 @@ PARTS: dict[str, type[Any]] = {
     for part in fields(AvoidanceSettings)
     if isinstance(part.type, type) and is_dataclass(part.type)
 }
-"""The settings that these are made of, each a table of scenario files and of the ROS 2
-node's parameters, by its name."""
+"""Nested settings by name, each a table of scenario files and of the ROS 2 node's
+parameters."""
 
 RECORD = np.dtype(
     [
@@ -340,7 +341,7 @@ RECORD = np.dtype(
         if isinstance(value, float | int)
     ]
 )
-"""All settings as one record, as the compiled functions take them."""
+"""All settings as one record, for compiled functions."""
 
 FilterSettings: TypeAlias = Annotated[
     npt.NDArray[np.void], Record("filter_settings", RECORD)

@@ -13,33 +13,33 @@ from qpavoid.model.kinematics import Frame, moved_on
 from qpavoid.model.robot import RELATIVE_ROUNDING, limits_of
 from qpavoid.types import Array, Pair, Sizes, Vector, VectorWritten
 
-V, OMEGA, PLAN_V, PLAN_OMEGA, SWITCH, THEN_V, THEN_OMEGA, END = range(8)
+PAST_V, PAST_OMEGA, PLAN_V, PLAN_OMEGA, SWITCH, THEN_V, THEN_OMEGA, END = range(8)
 
-UNTIL, MODE, DUE, GROUP, SHARE, PENDING = range(8, 14)
+UNTIL, TARGET_MODE, DUE, GROUP, SHARE, PENDING = range(8, 14)
 
 STATE_SIZE = PENDING + 2 * (MOST_PENDING + 1)
-"""Memory of a run: twist last driven; the plan that it belongs to, and up to when that
-keeps clear of what moves (s); how it was found; steps until the next review, the next
-group of starts, the next share of the plans; the twists given last, newest first: those
-that may be pending, and the one before, from which the oldest ramps."""
+"""Columns and size of the state: twist driven last; its plan, and the time up to which
+that is clear of moving bodies (s); its mode; steps until the next review, next group of
+starts, next share of the plans; the last twists, newest first: those that may be
+pending, and the one before, from which the oldest ramps."""
 
 FilterState: TypeAlias = Annotated[Vector, Sizes(STATE_SIZE)]
 FilterStateWritten: TypeAlias = Annotated[VectorWritten, Sizes(STATE_SIZE)]
 
 FREE, ROUND, NEW_PLAN, CARRIED, STUCK = 0.0, 1.0, 2.0, 3.0, 4.0
 """Modes: the desired twist, another constant one, a new plan, the rest of the last one,
-nothing that keeps from what stands but to brake."""
+no plan that is clear of static bodies but braking."""
 
 
 def fresh_state() -> Array:
-    """Return the memory of a robot at rest."""
+    """Return the state of a robot at rest."""
     return np.zeros(STATE_SIZE)
 
 
 @entry
 @compiled_once
 def kept_plan(state: FilterState) -> Plan:
-    """Return what is left of the plan of the twist driven last."""
+    """Return the rest of the plan of the twist driven last."""
     return Plan(
         state[PLAN_V],
         state[PLAN_OMEGA],
@@ -52,21 +52,21 @@ def kept_plan(state: FilterState) -> Plan:
 
 @compiled_once
 def keep_plan(state: Array, twist: Pair, plan: Plan, until: float, dt: float) -> None:
-    """Remember the twist driven and its plan, as it will be after this step.
+    """Store the driven twist and the rest of its plan after this step.
 
     Args:
-        state: Brought up to date.
+        state: Updated.
         twist: Driven.
-        plan: That it begins.
-        until: Until when that keeps clear of what moves, s.
+        plan: Plan that the twist begins.
+        until: Time up to which the plan is clear of moving bodies, s.
         dt: Control step, s.
     """
-    state[V], state[OMEGA] = twist
+    state[PAST_V], state[PAST_OMEGA] = twist
     state[PLAN_V], state[PLAN_OMEGA] = plan.v, plan.omega
     state[SWITCH], state[END] = max(plan.switch - dt, 0.0), max(plan.end - dt, 0.0)
     state[THEN_V], state[THEN_OMEGA] = plan.v_then, plan.omega_then
     state[UNTIL] = max(until - dt, 0.0)
-    # Newest first: all others move back by one, and the oldest is forgotten.
+    # Newest first: the others move back by one, and the oldest is dropped.
     for i in range(STATE_SIZE - 1, PENDING + 1, -1):
         state[i] = state[i - 2]
     state[PENDING], state[PENDING + 1] = twist
@@ -75,8 +75,8 @@ def keep_plan(state: Array, twist: Pair, plan: Plan, until: float, dt: float) ->
 @entry
 @compiled
 def set_driven(state: FilterStateWritten, v: float, omega: float) -> None:
-    """Let (v, ω) be what has been driven up to now."""
-    state[V], state[OMEGA] = v, omega
+    """Set the twist driven up to now to (v, ω)."""
+    state[PAST_V], state[PAST_OMEGA] = v, omega
     for i in range(MOST_PENDING + 1):
         state[PENDING + 2 * i], state[PENDING + 2 * i + 1] = v, omega
 
@@ -85,11 +85,11 @@ def set_driven(state: FilterStateWritten, v: float, omega: float) -> None:
 def frame_of_effect(
     robot: Array, settings: npt.NDArray[np.void], state: Array
 ) -> Frame:
-    """Return where the robot will be when the next twist takes effect."""
+    """Return the robot's frame when the next twist takes effect."""
     limits = limits_of(robot)
     s, at = settings[0], Frame(0.0, 0.0, 1.0, 0.0)
     many = math.ceil(s.delay / s.dt - RELATIVE_ROUNDING)
-    # The oldest is driven first, and has only what the delay leaves of its step.
+    # The oldest is driven first, for what the delay leaves of its step.
     for i in range(many - 1, -1, -1):
         lasts = s.dt if i < many - 1 else s.delay - s.dt * (many - 1)
         v, omega = state[PENDING + 2 * i], state[PENDING + 2 * i + 1]
@@ -108,7 +108,7 @@ def frame_of_effect(
 
 @compiled_once
 def pending_pace(settings: npt.NDArray[np.void], state: Array) -> Pair:
-    """Return the sums of |v|, m/s, and of |ω|, rad/s, of the steps on their way."""
+    """Return the sums of |v|, m/s, and of |ω|, rad/s, over the pending steps."""
     s, v, omega = settings[0], 0.0, 0.0
     for i in range(math.ceil(s.delay / s.dt - RELATIVE_ROUNDING)):
         v = v + abs(state[PENDING + 2 * i])
@@ -118,15 +118,13 @@ def pending_pace(settings: npt.NDArray[np.void], state: Array) -> Pair:
 
 @compiled_once
 def ramped(before: float, after: float, rate: float, lasts: float, dt: float) -> float:
-    """Return the mean of a velocity in the last part of a control step.
-
-    It ramps from one value to another from the beginning of the step on.
+    """Return the mean of a velocity that ramps, over the last part of a control step.
 
     Args:
-        before: m/s or rad/s.
-        after: The same.
+        before: Value before, m/s or rad/s.
+        after: Value after, m/s or rad/s.
         rate: Of the ramp, m/s² or rad/s².
-        lasts: The part, s.
+        lasts: Duration of the part, s.
         dt: Control step, s.
     """
     gap = after - before

@@ -1,10 +1,10 @@
-"""One control step of the filter: prepare, solve, decide; else fall back.
+"""One control step of the filter: prepare, solve, verify; else fall back.
 
-``prepare`` looks round and ahead and writes the QP. ``decide`` solves it exactly, or
-takes the answer of a back end, checks it (residual, optimality) and lets it be judged.
-An answer that is not good enough is asked for once more within a trust region about a
-twist that is: half and a quarter as wide. Where none will do, and where no single twist
-does, a plan is driven, or the robot brakes: :mod:`qpavoid.avoidance.ladder`.
+``prepare`` predicts and writes the QP. ``decide`` solves it exactly, or takes the
+solution of a back end, certifies it and lets the judge verify its plan. A rejected
+solution is solved again within a trust region about a feasible twist: a half and a
+quarter as wide. If all are rejected, or no single twist is feasible, the fallback
+policy decides: :mod:`qpavoid.avoidance.ladder`.
 """
 
 import math
@@ -72,7 +72,7 @@ from qpavoid.model.robot import (
 from qpavoid.qp.exact import (
     A_OMEGA,
     A_V,
-    OWNER,
+    ROW_OWNER,
     B,
     Terms,
     certificate,
@@ -91,18 +91,18 @@ from qpavoid.types import (
     VectorWritten,
 )
 
-UNCHANGED = 1e-9
-"""Twists that differ by less, in m/s and rad/s, count as the same."""
+SAME_TWIST = 1e-9
+"""m/s and rad/s; tolerance of equal twists."""
 
 TRUST = (math.inf, 0.5, 0.25)
-"""Width of the trust region in every attempt, as a share of the first answer's way."""
+"""Size of the trust region per attempt, relative to the first step from the anchor."""
 
 
 @compiled
 def is_near(one: Pair, other: Pair) -> bool:
-    """Return whether two twists count as the same."""
+    """Return whether two twists are equal, to :data:`SAME_TWIST`."""
     d_v, d_omega = abs(one[0] - other[0]), abs(one[1] - other[1])
-    return d_v <= UNCHANGED and d_omega <= UNCHANGED
+    return d_v <= SAME_TWIST and d_omega <= SAME_TWIST
 
 
 @entry_if(is_counted)
@@ -110,7 +110,7 @@ def is_near(one: Pair, other: Pair) -> bool:
 def prepare(
     setup: Setup, request: Request, state: FilterStateWritten, memory: VectorWritten
 ) -> Prepared:
-    """Look round and ahead, and write the QP; invalid data leave ``state`` as it is."""
+    """Predict and write the QP; invalid data leave ``state`` unchanged."""
     (edges, robot, settings), last = setup, (state[0], state[1])
     obstacles, age, ahead, desired = request
     s, most = settings[0], most_contacts(edges, obstacles)
@@ -119,11 +119,10 @@ def prepare(
     box = twist_box(robot, last[0], last[1], s.dt)
     wish = clipped(desired, Box(-GREATEST, GREATEST, -GREATEST, GREATEST))
     fits = memory.shape[0] >= memory_size(most, settings)
-    # Carved for nothing where it is too small: the caller makes room and asks again.
+    # Too small: laid out for 0 contacts; the caller enlarges the memory and retries.
     space = carve(memory, most if fits else 0, settings)
     if fits:
-        # From here on all is seen from where the robot will be when this twist takes
-        # effect.
+        # From here on in the robot frame at the time when this twist takes effect.
         obstacles = seen_then(setup, obstacles, state, space)
         reach = row_reach(robot, settings, obstacles[1], age)
         radius, code = limits_of(robot).circumradius, READY
@@ -151,7 +150,7 @@ def prepare(
     anchor, rest = braking_twist(robot, last[0], last[1], s.dt), (0.0, 0.0)
     target = Target(hold(anchor[0], anchor[1], s.dt), FREE, 0.0, -1)
     if old:
-        # Nothing that is known of what is near: no way is looked for, none is kept.
+        # The data are too old: no plan is searched, none retained.
         target, state[END] = Target(target.plan, STUCK, 0.0, -1), 0.0
     elif code == READY and ahead:
         limits, many = look_box(robot), max(1, round(s.tick / s.dt))
@@ -170,7 +169,7 @@ def prepare(
 
 @compiled_once
 def left_after(scene: Scene, plan: Plan, twist: Pair) -> Pair:
-    """Return what is left of the way to the first target of a plan after a twist."""
+    """Return the difference from a twist to the first target of a plan."""
     half = 0.5 * scene.settings[0].dt
     if plan.switch < half or plan.end < half:
         return 0.0, 0.0
@@ -179,10 +178,10 @@ def left_after(scene: Scene, plan: Plan, twist: Pair) -> Pair:
 
 @compiled_once
 def add_ahead(scene: Scene, target: Target, query: Query, rows: Array) -> int:
-    """Add the rows of the last linearisation, about the target, as hard ones.
+    """Add the rows of the last linearisation, about the target; return their number.
 
-    With ``rest`` the target is u + rest, and the row a·(u + rest) ≥ b. No more is asked
-    for than the first twist has. Returns how many they are.
+    Hard rows. With ``rest`` the target is u + rest, and the row a·(u + rest) ≥ b. They
+    are relaxed to what the first twist satisfies.
     """
     anchor = first_twist(scene, target.plan)
     plan = target.plan
@@ -192,8 +191,7 @@ def add_ahead(scene: Scene, target: Target, query: Query, rows: Array) -> int:
     for i in range(count):
         a_v, a_omega = rows[i, A_V], rows[i, A_OMEGA]
         has = a_v * anchor[0] + a_omega * anchor[1] - ROW_ROUNDING
-        # The rows are about the plan's target; the QP's twist is the first step towards
-        # it.
+        # The rows constrain the plan's target; the QP's twist is the first step to it.
         b = rows[i, B] - a_v * (plan.v - anchor[0]) - a_omega * (plan.omega - anchor[1])
         rows[i, B] = min(b, has)
     return count
@@ -202,14 +200,14 @@ def add_ahead(scene: Scene, target: Target, query: Query, rows: Array) -> int:
 @entry
 @compiled_once
 def is_attempt(prepared: Prepared, attempt: int) -> bool:
-    """Return whether there is such an attempt."""
+    """Return whether ``attempt`` is the number of an attempt."""
     return 0 <= attempt < len(TRUST)
 
 
 @entry_if(is_attempt)
 @compiled_once
 def trust_box(prepared: Prepared, attempt: int, rejected: Pair) -> Box:
-    """Return the limits of an attempt: a box about the anchor, within the limits."""
+    """Return the limits of an attempt: the trust region within the box."""
     if attempt == 0:
         return prepared.box
     box, share = prepared.box, TRUST[attempt]
@@ -226,7 +224,7 @@ def trust_box(prepared: Prepared, attempt: int, rejected: Pair) -> Box:
 @entry
 @compiled
 def attempts(prepared: Prepared) -> int:
-    """Return how often the QP is solved at most: not where no single twist will do."""
+    """Return the number of attempts; 0 if no single twist is feasible."""
     return len(TRUST) if prepared.target.mode <= ROUND else 0
 
 
@@ -235,7 +233,7 @@ def attempts(prepared: Prepared) -> int:
 def is_prepared(
     setup: Setup, prepared: Prepared, memory: VectorWritten, attempt: int
 ) -> bool:
-    """Return whether the memory holds what is said to be prepared in it."""
+    """Return whether the memory fits what was prepared in it."""
     if not is_counted(setup.edges, setup.robot, setup.settings):
         return False
     most, m, given = prepared.most, prepared.m, memory.shape[0]
@@ -258,17 +256,16 @@ def decide(
     answer: Pair,
     state: FilterStateWritten,
 ) -> Outcome:
-    """Return the outcome of an attempt, or :data:`AGAIN` with the twist rejected.
+    """Return the outcome of an attempt, or :data:`AGAIN` with the rejected twist.
 
     Args:
         setup: Footprint, limits and settings.
         prepared: The QP.
-        memory: That it was prepared in.
-        attempt: Its number, see :data:`TRUST`; after the last one the ladder is taken.
-        rejected: The twist of the first attempt.
-        answer: Of a back end; infinite: there is none, the QP is solved here. NaN: it
-            has failed.
-        state: Brought up to date where the twist is driven.
+        memory: In which it was prepared.
+        attempt: Its number, see :data:`TRUST`; after the last one the fallbacks follow.
+        rejected: Twist of the first attempt.
+        answer: Of a back end; infinite: none, the QP is solved here; NaN: it failed.
+        state: Updated if the twist is driven.
     """
     s, space = setup.settings[0], carve(memory, prepared.most, setup.settings)
     scene = new_scene(setup, state, space, prepared.bodies)
@@ -291,8 +288,7 @@ def decide(
     if not (solved.found and residual <= RESIDUAL_TOLERANCE):
         failed = unsolved(STOPPED, prepared.anchor, residual)
         return fall_back(scene, prepared, failed, state)
-    # Rounding of a solver is no other twist: the anchor has been judged, and the wish
-    # means `tracking`.
+    # A solver's rounding: the anchor is verified, and the desired twist is `tracking`.
     if is_near(twist, prepared.anchor):
         twist = prepared.anchor
     if is_near(twist, prepared.wish):
@@ -311,10 +307,10 @@ def decide(
 
 @compiled_once
 def holders(rows: Array, prepared: Prepared, one: int, other: int) -> tuple[int, int]:
-    """Return the obstacles of the rows that hold an answer, and of the target; −1."""
+    """Return the obstacles of the active rows, and of the target; −1: none."""
     m = prepared.m
-    first = int(rows[one, OWNER]) if 0 <= one < m else -1
-    second = int(rows[other, OWNER]) if 0 <= other < m else -1
+    first = int(rows[one, ROW_OWNER]) if 0 <= one < m else -1
+    second = int(rows[other, ROW_OWNER]) if 0 <= other < m else -1
     if second < 0:
         second = prepared.target.owner
     return (first, second) if first >= 0 else (second, -1)
@@ -324,10 +320,10 @@ def holders(rows: Array, prepared: Prepared, one: int, other: int) -> tuple[int,
 def filter_outcome(
     setup: Setup, request: Request, state: Array, memory: Array
 ) -> Outcome:
-    """Return the decision of one control step, and bring ``state`` up to date.
+    """Return the outcome of one control step, and update ``state``.
 
-    Invalid data leave the state as it is. ``memory`` holds :func:`memory_size` numbers;
-    if fewer, the code is :data:`WORKSPACE_TOO_SMALL`.
+    Invalid data leave the state unchanged. ``memory`` holds :func:`memory_size`
+    numbers; if fewer, the code is :data:`WORKSPACE_TOO_SMALL`.
     """
     prepared = prepare(setup, request, state, memory)
     outcome = unsolved(prepared.code, (0.0, 0.0), 0.0)
@@ -355,10 +351,9 @@ def filter_step(
     state: FilterStateWritten,
     memory: VectorWritten,
 ) -> tuple[int, float, float, float, float, float, float, int, int]:
-    """Do :func:`filter_outcome`, for Python.
+    """Return the fields of :func:`filter_outcome`, for Python.
 
-    It waits twice as long for records of arrays, and for a record as the answer: hence
-    so many parameters, and a plain tuple.
+    Plain arguments and a plain tuple: records would take twice as long.
     """
     setup = Setup(edges, robot, settings)
     request = Request((points, capsules), age, ahead, (v, omega))

@@ -1,4 +1,4 @@
-"""Among what a robot stops that sees nothing more: what stood when it saw last."""
+"""Last static map: the static obstacles of the last good step, for a blind stop."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -13,14 +13,14 @@ from qpavoid.types import Arrays, Pose
 
 
 class LastSeen(NamedTuple):
-    """What a step was told of obstacles, and where the robot has come since.
+    """Obstacles of a step, and the robot's motion since then.
 
-    The arrays are the caller's: what is written into them counts.
+    The arrays are the caller's, uncopied: later changes count.
 
     Attributes:
-        given: v, ω and obstacles, as far as they were given by place.
-        named: The same by name, and others.
-        pose: x, y (m), γ (rad) of the robot, from where it saw them.
+        given: Positional arguments: v, ω and obstacles.
+        named: Keyword arguments.
+        pose: x, y (m), γ (rad) of the robot in the robot frame of that step.
     """
 
     given: tuple[Any, ...]
@@ -28,16 +28,16 @@ class LastSeen(NamedTuple):
     pose: Pose = (0.0, 0.0, 0.0)
 
     def after(self, v: float, omega: float, dt: float) -> "LastSeen":
-        """Return the same when (v, ω) has been driven for dt, s."""
+        """Return the map after (v, ω) has been driven for dt, s."""
         return self._replace(pose=integrate(self.pose, (v, omega), 0.0, dt))
 
     def standing(self) -> Arrays:
-        """Return what stood, as the robot would see it where it is now.
+        """Return the static obstacles in the present robot frame.
 
-        What moved is not known any more, and left out.
+        Moving ones are left out: their positions are unknown.
 
         Raises:
-            InvalidInputError: The arrays do not hold obstacles any more.
+            InvalidInputError: The arrays no longer hold valid obstacles.
         """
         told = {k: x for k, x in self.named.items() if k in OBSTACLES}
         told |= dict(zip(OBSTACLES, self.given[2:], strict=False))
@@ -54,4 +54,4 @@ OBSTACLES = {
     "polygons": NO_POLYGONS,
     "polygon_velocities": NO_TURNS,
 }
-"""The obstacles of a call, in order, where there are none."""
+"""Obstacle arguments of a call, in order, with their defaults."""

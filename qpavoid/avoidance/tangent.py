@@ -1,8 +1,8 @@
 """Tangents: static obstacles inside r_min that are parts of one wall.
 
-A wall of points, or a wall in parts, is more than its nearest point. A robot that is
-nearer to it than r_min may drive on along it, as along one segment: the line through
-the nearest point, square to the contact, stands for all that is behind it.
+A wall given as points, or in parts, is more than its nearest point. A robot inside its
+r_min may drive along it as along one segment: the tangent, the line through the nearest
+point perpendicular to the contact's normal, replaces all obstacles behind it.
 """
 
 import math
@@ -22,22 +22,22 @@ from qpavoid.model.kinematics import TINY
 from qpavoid.types import Array, Pair
 
 ROUNDED_IN = 1e-5
-"""m; a clearance below r_min by less may be rounding, step after step."""
+"""m; tolerance of r_min for rounding in successive steps."""
 
 UNEVEN, SLANT = 0.01, 0.15
-"""m, and m per m beyond the side in contact: by so much parts of one wall may be nearer
-than its tangent: the noise of a scan, and a robot at a small angle to the wall."""
+"""m, and m per m beyond the side in contact: tolerance by which parts of one wall may
+be in front of its tangent, for the noise of a scan and a small angle to the wall."""
 
 
 class Tangent(NamedTuple):
-    """The line through the nearest point of an obstacle, square to the contact.
+    """The line through an obstacle's nearest point, perpendicular to the normal.
 
     Attributes:
         normal: n, outward unit normal of the footprint at P_r.
         behind: n·z for all points z of the line, m.
         first: Least n × z of the footprint's side or corner in contact, m.
-        last: Greatest of it.
-        distance: From the footprint, m; ``inf``: there is no line.
+        last: Greatest n × z of it, m.
+        distance: From the footprint, m; ``inf``: no tangent.
     """
 
     normal: Pair
@@ -49,7 +49,7 @@ class Tangent(NamedTuple):
 
 @compiled
 def no_tangent(side: Pair) -> Tangent:
-    """Return that there is none on a side."""
+    """Return the absent tangent of a side."""
     return Tangent(side, 0.0, 0.0, 0.0, math.inf)
 
 
@@ -69,7 +69,7 @@ def tangent_at(edges: Array, place: Pair, normal: Pair, distance: float) -> Tang
 
 @compiled
 def is_behind(tangent: Tangent, place: Pair, radius: float) -> bool:
-    """Return whether a disc is behind a tangent, as the parts of one wall are."""
+    """Return whether a disc is behind a tangent, within the tolerance of one wall."""
     (n_x, n_y), (x, y) = tangent.normal, place
     beside = n_x * y - n_y * x
     beyond = max(tangent.first - beside, beside - tangent.last, 0.0)
@@ -81,7 +81,7 @@ def is_behind(tangent: Tangent, place: Pair, radius: float) -> bool:
 def nearest_tangent(edges: Array, contacts: Array, near: float, side: Pair) -> Tangent:
     """Return the tangent of the nearest static contact of 0 to ``near`` m.
 
-    Only contacts count whose normal does not point to the same side as ``side``.
+    Contacts whose normal points to the same side as ``side`` are excluded.
     """
     nearest = no_tangent(side)
     for k in range(contacts.shape[0]):
@@ -95,11 +95,11 @@ def nearest_tangent(edges: Array, contacts: Array, near: float, side: Pair) -> T
 
 @compiled_once
 def turn_to_walls(edges: Array, contacts: Array, near: float) -> None:
-    """Give static contacts behind the nearest tangent its normal.
+    """Replace the normals of static contacts behind the nearest tangent by its normal.
 
-    The nearest tangent to either side, of what is nearer than ``near`` m. The distance
-    then is that along the normal. Else a point of a wall ahead of a corner is like a
-    post, and the rows of the present stop the robot before it.
+    The nearest tangent to either side, within ``near`` m; distances are then along its
+    normal. Otherwise a wall's point ahead of a corner acts as a post, whose row stops
+    the robot.
     """
     one = nearest_tangent(edges, contacts, near, (0.0, 0.0))
     if one.distance < math.inf:
@@ -113,7 +113,7 @@ def turn_to_walls(edges: Array, contacts: Array, near: float) -> None:
 
 @compiled
 def turn_to_wall(row: Array, tangent: Tangent) -> None:
-    """Give a contact the normal of a tangent that it is behind."""
+    """Replace the normal of a contact by that of a tangent in front of it."""
     x, y, (n_x, n_y) = row[P_X], row[P_Y], tangent.normal
     place = (x + row[DISTANCE] * row[NORMAL_X], y + row[DISTANCE] * row[NORMAL_Y])
     if tangent.distance < math.inf and is_behind(tangent, place, 0.0):

@@ -1,8 +1,8 @@
-"""Which twist to aim at, and by which plan: the desired one, a way round, or a plan.
+"""Choice of the target plan: the desired twist, another constant one, or two twists.
 
-In this order: the desired twist where it keeps its distance; the nearest constant twist
-that does; what is left of the plan that was judged before; else a plan of two twists,
-the one with the most room where none keeps clear.
+In this order: the desired twist if it is clear; the cheapest constant twist that is;
+the rest of the verified plan; a plan of two twists, the one with the largest margin if
+none is clear.
 """
 
 import math
@@ -42,11 +42,11 @@ from qpavoid.avoidance.state import (
     END,
     FREE,
     GROUP,
-    MODE,
     NEW_PLAN,
     ROUND,
     SHARE,
     STUCK,
+    TARGET_MODE,
     UNTIL,
     kept_plan,
 )
@@ -55,21 +55,21 @@ from qpavoid.model.robot import RELATIVE_ROUNDING
 from qpavoid.types import Array, Pair
 
 CHEAP = 1e-3
-"""(m/s)²; below this cost no other way is looked for."""
+"""(m/s)²; cost below which no other start is searched."""
 
 GROUPS = 4
-"""Of starts: ahead to either side; the desired twist and rest; straight back and
-straight ahead; back to either side. Mirror images are looked at in the same step."""
+"""Groups of starts: ahead to either side; the desired twist and rest; straight back and
+straight ahead; back to either side. Mirror images are in the same group."""
 
 
 class Target(NamedTuple):
-    """What is aimed at.
+    """Target of a step.
 
     Attributes:
         plan: Its first twist is the target.
-        mode: How it was found.
-        room: Least room of what moves, m; at least −ε: the plan keeps clear.
-        owner: Obstacle in the way of the desired twist; −1: none.
+        mode: How it was found; see :mod:`qpavoid.avoidance.state`.
+        room: Least margin of moving bodies, m; clear if at least −ε.
+        owner: Obstacle that the desired twist violates, or −1.
     """
 
     plan: Plan
@@ -80,15 +80,15 @@ class Target(NamedTuple):
 
 @compiled_once
 def choose_target(scene: Scene, query: Query, state: Array) -> Target:
-    """Return what to aim at; where that meets what moves, nearer to what stands.
+    """Return the target plan.
 
-    Only where no plan has been found that avoids a contact: of r_min then ``closest``
-    is kept from what stands, if there is a plan with more room.
+    If it would hit a moving obstacle, retry with the smaller static clearance
+    ``closest``, and take the result if its margin is larger.
     """
     target = look_ahead(scene, query, state)
     if target.mode == NEW_PLAN or target.mode == STUCK:
         target = come_closer(scene, query, state, target)
-    state[MODE] = target.mode
+    state[TARGET_MODE] = target.mode
     if target.mode == ROUND:
         state[SHARE] = 0.0
     elif target.mode == NEW_PLAN or target.mode == STUCK:
@@ -98,7 +98,7 @@ def choose_target(scene: Scene, query: Query, state: Array) -> Target:
 
 @compiled_once
 def come_closer(scene: Scene, query: Query, state: Array, target: Target) -> Target:
-    """Return what to aim at nearer to what stands; the same where that is no better."""
+    """Return the target with the smaller static clearance, if it is better."""
     room = target.room
     if target.mode == STUCK:
         brake = first_twist(scene, hold(0.0, 0.0, 0.0))
@@ -119,7 +119,7 @@ def come_closer(scene: Scene, query: Query, state: Array, target: Target) -> Tar
 
 @compiled_once
 def may_come_closer(scene: Scene) -> bool:
-    """Return whether there is anything that stands, and wants more than ``closest``."""
+    """Return whether a static body has an r_min above ``closest``."""
     closest = scene.settings[0].closest
     for i in range(scene.bodies.shape[0]):
         body = body_at(scene, i)
@@ -130,7 +130,7 @@ def may_come_closer(scene: Scene) -> bool:
 
 @compiled_once
 def look_ahead(scene: Scene, query: Query, state: Array) -> Target:
-    """Return what to aim at, in this order: as desired, round, carried on, planned."""
+    """Return the target: desired, another constant twist, carried on, or planned."""
     s, (v, omega) = scene.settings[0], query.desired
     plan = hold(v, omega, s.horizon + s.dt)
     rollout = driven_on(scene, query, query.desired)
@@ -139,15 +139,14 @@ def look_ahead(scene: Scene, query: Query, state: Array) -> Target:
         end = clear_end(scene, query.desired, first_twist(scene, plan), 0.0)
         if end > 0.0:
             return Target(hold(v, omega, end), FREE, 0.0, -1)
-        # Free where accelerations are counted by ticks, not so step by step: whatever
-        # the exact way meets is in the way.
+        # Clear with accelerations by ticks, but not exactly: find the exact violation.
         rollout = exact_rollout(scene, plan, first_twist(scene, plan))
         level = lowest(scene)
         watch = Watch((s.horizon, level), (rollout.rest, level))
         body = first_met(scene, rollout, watch, 0.0).body
     owner = int(body_at(scene, body).owner) if body >= 0 else -1
     best = best_candidate(scene, query, state)
-    # Hysteresis: a robot that changes over at every small gain gets nowhere.
+    # Hysteresis: switching at every small gain would stall the robot.
     goes_on = is_dearer(scene, query, best, state) and carries_on(scene, state)
     if best.cost < math.inf and not goes_on:
         plan = hold(best.v, best.omega, s.dt)
@@ -162,7 +161,7 @@ def look_ahead(scene: Scene, query: Query, state: Array) -> Target:
 
 @compiled_once
 def plan_anew(scene: Scene, query: Query, state: Array, owner: int) -> Target:
-    """Return a plan of two twists."""
+    """Return a plan of two twists, or braking."""
     horizon = scene.settings[0].horizon
     kept = kept_plan(state)
     if not has_plan(scene, state):
@@ -184,12 +183,12 @@ def plan_anew(scene: Scene, query: Query, state: Array, owner: int) -> Target:
 
 @compiled_once
 def is_dearer(scene: Scene, query: Query, best: Candidate, state: Array) -> bool:
-    """Return whether the last plan costs less than the best candidate, if any.
+    """Return whether the last plan is cheaper than the best candidate, if any.
 
-    Only what was followed and has been found within the last ``review`` seconds.
+    Only for a followed plan that was found within the last ``review`` seconds.
     """
     s = scene.settings[0]
-    if state[MODE] == FREE or state[UNTIL] < s.horizon - s.review:
+    if state[TARGET_MODE] == FREE or state[UNTIL] < s.horizon - s.review:
         return False
     v, omega = first_target(scene, kept_plan(state))
     cost = cost_of(scene, query, best.v, best.omega)
@@ -199,13 +198,13 @@ def is_dearer(scene: Scene, query: Query, best: Candidate, state: Array) -> bool
 
 @compiled_once
 def has_plan(scene: Scene, state: Array) -> bool:
-    """Return whether anything is left of the last plan but to brake."""
+    """Return whether the last plan has a rest other than braking."""
     return bool(state[END] > 0.5 * scene.settings[0].dt and not is_inexact(scene))
 
 
 @compiled_once
 def carries_on(scene: Scene, state: Array) -> bool:
-    """Return whether the rest of the last plan keeps clear for as long as it did."""
+    """Return whether the rest of the last plan is clear for as long as it was."""
     until, kept = min(state[UNTIL], scene.settings[0].horizon), kept_plan(state)
     if until == 0.0 or not has_plan(scene, state):
         return False
@@ -214,7 +213,7 @@ def carries_on(scene: Scene, state: Array) -> bool:
 
 @compiled_once
 def braking_keeps_clear(scene: Scene, state: Array) -> bool:
-    """Return whether braking keeps clear for as long as the last plan did."""
+    """Return whether braking is clear for as long as the last plan was."""
     s, twist = scene.settings[0], first_twist(scene, hold(0.0, 0.0, 0.0))
     until, plan = min(state[UNTIL], s.horizon), hold(twist[0], twist[1], s.dt)
     return until > 0.0 and keeps_clear(scene, plan, twist, until)
@@ -222,29 +221,29 @@ def braking_keeps_clear(scene: Scene, state: Array) -> bool:
 
 @compiled_once
 def best_candidate(scene: Scene, query: Query, state: Array) -> Candidate:
-    """Return the constant twist that keeps its distance at least cost.
+    """Return the cheapest constant twist that is clear.
 
-    The one followed so far is followed on from its twist, every step. The other starts
-    are looked at in ``review`` seconds, a group after the other, and all at once where
-    that has ended (half of them where nothing moves: braking will do); where none led
-    to one in the step before, a group a step. Cost as in the QP, less the hysteresis
-    for the one so far; to change over costs as much of the QP's cost of that change.
+    The present target is refined in every step. The other starts are searched within
+    ``review`` seconds, one group after the other; all at once when its own search fails
+    (half of them if nothing moves: braking suffices); one group per step while there is
+    none. The cost is the QP's, reduced by the hysteresis for the present target and
+    increased by the cost of the change for others.
     """
     s = scene.settings[0]
     best = Candidate(0.0, 0.0, math.inf)
     due = GROUPS if any_moves(scene) else GROUPS // 2
-    if state[MODE] != FREE:
+    if state[TARGET_MODE] != FREE:
         target = first_target(scene, kept_plan(state))
         best = refine_candidate(scene, query, target, math.inf)
         if best.cost < math.inf:
             best = Candidate(best.v, best.omega, best.cost * (1.0 - s.hysteresis))
             state[DUE] -= 1.0
             due = 0 if state[DUE] >= 0.0 else 1
-        elif state[MODE] >= NEW_PLAN:
+        elif state[TARGET_MODE] >= NEW_PLAN:
             due = 1
     if best.cost == math.inf or due > 0:
         state[DUE] = math.floor(s.review / (GROUPS * s.dt))
-    # No other start can be cheaper by what matters.
+    # No other start can be significantly cheaper.
     if best.cost < CHEAP:
         return best
     for _ in range(due):
@@ -254,8 +253,8 @@ def best_candidate(scene: Scene, query: Query, state: Array) -> Candidate:
             start = start_twist(query, group, member)
             found = refine_candidate(scene, query, start, limit)
             cost = found.cost + s.hysteresis * change_cost(scene, state, found)
-            # Mirror images cost the same but for rounding: the first one, to the right,
-            # stays.
+            # Mirror images cost the same but for rounding: keep the first, to the
+            # right.
             if cost < best.cost * (1.0 - RELATIVE_ROUNDING):
                 best = Candidate(found.v, found.omega, cost)
     return best
@@ -263,8 +262,8 @@ def best_candidate(scene: Scene, query: Query, state: Array) -> Candidate:
 
 @compiled_once
 def change_cost(scene: Scene, state: Array, found: Candidate) -> float:
-    """Return what it costs to change over from the target so far, (m/s)²."""
-    if state[MODE] == FREE:
+    """Return the cost of a change from the present target, (m/s)²."""
+    if state[TARGET_MODE] == FREE:
         return 0.0
     target = first_target(scene, kept_plan(state))
     return twist_cost(scene, (found.v, found.omega), target)
@@ -272,7 +271,7 @@ def change_cost(scene: Scene, state: Array, found: Candidate) -> float:
 
 @compiled_once
 def start_twist(query: Query, group: int, member: int) -> Pair:
-    """Return one of the starts; of a pair the one to the right comes first."""
+    """Return one of the starts; of a pair the one to the right is first."""
     box = query.box
     if group == 1:
         return query.desired if member == 0 else (0.0, 0.0)

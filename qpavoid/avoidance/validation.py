@@ -1,4 +1,4 @@
-"""What a caller of the filter hands over: checked floats, and the obstacles."""
+"""Validation of the filter's arguments: floats and obstacles."""
 
 import math
 from typing import Any
@@ -10,17 +10,17 @@ from qpavoid.model.robot import driven_twist
 from qpavoid.model.validation import check_finite
 from qpavoid.types import Array, Arrays
 
-TEXT = (str, bytes)
-"""Python reads numbers out of it, or takes its letters for some."""
+TEXT_TYPES = (str, bytes)
+"""Types that Python would parse as numbers or iterate."""
 
 OLDEST = 1e6
-"""s; obstacles that were measured before are none."""
+"""s; greatest age of obstacles."""
 
 
 def as_twist(v: float, omega: float) -> tuple[float, float]:
-    """Return both as Python floats, whatever kind of number they are."""
+    """Return both as Python floats, from any type of number."""
     try:
-        if not (isinstance(v, TEXT) or isinstance(omega, TEXT)):
+        if not (isinstance(v, TEXT_TYPES) or isinstance(omega, TEXT_TYPES)):
             return float(v), float(omega)
     except (TypeError, ValueError, OverflowError):
         pass
@@ -41,12 +41,12 @@ def as_age(age: float) -> float:
 
 
 def as_driven(driven: tuple[float, float], robot: Array) -> tuple[float, float]:
-    """Return the twist that the robot drives, or the nearest along its arc or axes.
+    """Return the driven twist, cut to the limits along its arc or the axes.
 
     ``robot``: see :attr:`qpavoid.model.robot.Robot.limit_vector`.
     """
     try:
-        v, omega = () if isinstance(driven, TEXT) else driven
+        v, omega = () if isinstance(driven, TEXT_TYPES) else driven
     except (TypeError, ValueError):
         raise InvalidInputError("the twist driven must be (v, omega)") from None
     v, omega = as_twist(v, omega)
@@ -57,14 +57,14 @@ def as_driven(driven: tuple[float, float], robot: Array) -> tuple[float, float]:
 
 
 def as_table(points: Any, *others: Any) -> Arrays:
-    """Return what the compiled functions take of what a caller gave."""
+    """Return a caller's obstacles as points and capsules."""
     if type(points) is Obstacles:
         return points.arrays
     return obstacle_arrays(points, others)
 
 
 def why_invalid(points: Any, *others: Any) -> InvalidInputError:
-    """Return the error that names what is wrong: an obstacle, else the twist."""
+    """Return the error for invalid arguments: of an obstacle, else of the twist."""
     try:
         if isinstance(points, Obstacles):
             check_finite(points.points, "points")

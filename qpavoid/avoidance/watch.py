@@ -1,4 +1,4 @@
-"""What a step is told is looked at before it is driven by: stamps, ages, a latch."""
+"""Input monitor: checks stamps and ages before a control step and latches faults."""
 
 import math
 from collections.abc import Callable
@@ -12,30 +12,30 @@ from qpavoid.errors import InvalidInputError, QPAvoidError
 T = TypeVar("T")
 
 SEEN = ("points", "discs")
-"""Inputs that say where obstacles are; one of them at least is stamped."""
+"""Inputs with obstacles; at least one of them is stamped."""
 
 INPUTS = (*SEEN, "odometry")
 
-WAITING = "What is known is good again; the robot waits until it has been for a while."
+WAITING = "Inputs are valid again; the robot waits until they have been for a while."
 
-PROBLEM = "The caller of the filter met a problem."
+PROBLEM = "The caller of the filter reported a fault."
 
 
 class Stamps(NamedTuple):
-    """When what a step is told was measured.
+    """Times of measurement of a step's inputs.
 
-    An input that has been stamped once is awaited from then on, and a step without any
-    stamps has a fault. The same stamp again is the same measurement, older; an earlier
-    one is a fault.
+    An input that was stamped once is required from then on, and a step without stamps
+    is then a fault. A repeated stamp is the same measurement, older; an earlier one is
+    a fault.
 
     Attributes:
         now: Time of the stamps' clock at the step, s.
         points: Of sensed points, walls and polygons, s; None: nothing new.
         discs: Of tracked discs, s.
         odometry: Of the twist ``driven``, s.
-        valid: Share of the beams that are known: echoes, or free; 0 to 1.
-        steady: Time of a clock that nobody sets, s; None: that of the machine. Where it
-            goes back what was known is not known any more.
+        valid: Share of known beams: echoes, or free; 0 to 1.
+        steady: Time of a monotonic clock, s; None: the machine's. If it goes back, all
+            inputs are forgotten.
     """
 
     now: float
@@ -47,14 +47,14 @@ class Stamps(NamedTuple):
 
 
 class StepWatch:
-    """What is known of the inputs of a filter, step by step.
+    """Monitor of a filter's inputs, step by step.
 
     Args:
-        freshness: How old they may be, and when a fault is over.
+        freshness: Greatest ages, and when a fault ends.
         dt: Control step, s.
 
     Attributes:
-        faults: How many there were, by input and reason.
+        faults: Number of faults, by input and reason.
     """
 
     def __init__(self, freshness: Freshness, dt: float) -> None:
@@ -64,22 +64,22 @@ class StepWatch:
         self._forget()
 
     def _forget(self) -> None:
-        """Know nothing of any input."""
+        """Reset the monitors of all inputs."""
         fresh, self._steady = self.freshness, -math.inf
         self._inputs = {
             name: InputWatch(getattr(fresh, name), fresh.future) for name in INPUTS
         }
 
     def age(self, stamps: Stamps | None, age: float) -> float:
-        """Return how old the obstacles of a step are, s.
+        """Return the age of a step's obstacles, s.
 
         Args:
-            stamps: Of what it is told; None: it has none, and its age is believed.
-            age: s, as told.
+            stamps: Of the inputs; None: only the age is used.
+            age: Given by the caller, s.
 
         Raises:
-            FaultError: It may not be driven by.
-            InvalidInputError: A number is none, or not finite.
+            FaultError: An input is rejected.
+            InvalidInputError: A number is missing or not finite.
         """
         age, found = as_age(age), dict[str, Fault]()
         if stamps is not None:
@@ -100,7 +100,7 @@ class StepWatch:
         return [self._inputs[name].age(now, steady) for name in seen]
 
     def _found(self, stamps: Stamps) -> dict[str, Fault]:
-        """Take note of stamps; return what is wrong, by input."""
+        """Register stamps; return the faults by input."""
         now, steady, found = stamps.now, _steady(stamps), dict[str, Fault]()
         told = {name for name in INPUTS if getattr(stamps, name) is not None}
         self._awaited |= told
@@ -125,13 +125,13 @@ class StepWatch:
         if not self._awaited.intersection(SEEN):
             found["points"] = Fault.NEVER
         if not stamps.valid >= self.freshness.valid:
-            # The same scan again is as blind, whatever is said of it then.
+            # A repeated scan stays blind, regardless of its new share.
             blind = self._inputs["points"].judge(Fault.BLIND)
             found.setdefault("points", blind)
         return found
 
     def allows(self, error: BaseException | None) -> bool:
-        """Return whether the robot may drive after a step with an error, or none."""
+        """Return whether the robot may drive after a step with or without an error."""
         faults = error.faults if isinstance(error, FaultError) else {}
         if error is not None and not faults:
             faults = {"step": Fault.INVALID}
@@ -142,16 +142,16 @@ class StepWatch:
 
     @property
     def is_open(self) -> bool:
-        """Whether the robot might drive after the last step."""
+        """Whether the robot may drive after the last step."""
         return self._latch.is_open
 
     def acknowledge(self) -> None:
-        """Let the robot drive again at once, if the last step was good."""
+        """Let the robot drive again at once if the last step was good."""
         self._latch.acknowledge()
 
 
 class FaultError(QPAvoidError):
-    """What a step is told may not be driven by.
+    """An input of a step is rejected.
 
     Attributes:
         faults: By input.
@@ -164,17 +164,17 @@ class FaultError(QPAvoidError):
 
 
 def caught(call: Callable[..., T], /, *given: Any, **named: Any) -> T | BaseException:
-    """Return what a call returns, or what it raised; Ctrl-C is passed on."""
+    """Return the result of a call, or its exception; Ctrl-C is raised."""
     try:
         return call(*given, **named)
     except KeyboardInterrupt:
         raise
-    except BaseException as error:  # SystemExit, too: a robot is on its way
+    except BaseException as error:  # SystemExit, too: the robot is moving
         return error
 
 
 def problem_of(error: BaseException) -> str:
-    """Return what an error says, of a foreign one its kind too."""
+    """Return the message of an error, with its class unless it is qpavoid's."""
     try:
         said = str.__str__(str(error))
     except BaseException:

@@ -1,4 +1,4 @@
-"""The memory of a control step, and the obstacles as they are when it takes effect."""
+"""Memory of a control step, and obstacles at the time when its twist takes effect."""
 
 import math
 from typing import NamedTuple
@@ -12,27 +12,27 @@ from qpavoid.avoidance.linearisation import SIDE, Tables, most_sides
 from qpavoid.avoidance.prediction import ARC, most_arcs
 from qpavoid.avoidance.scene import Scene, Setup
 from qpavoid.avoidance.settings import MOST_PENDING, FilterSettings
-from qpavoid.avoidance.state import OMEGA, V, frame_of_effect, pending_pace
+from qpavoid.avoidance.state import PAST_OMEGA, PAST_V, frame_of_effect, pending_pace
 from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.capsules import CAPSULE_WIDTH, in_robot_frame, join_walls
 from qpavoid.model.contacts import CONTACT_WIDTH
 from qpavoid.model.robot import RELATIVE_ROUNDING
-from qpavoid.qp.exact import WIDTH
+from qpavoid.qp.exact import ROW_WIDTH
 from qpavoid.types import Array, Arrays, Edges, LimitVector
 
 
 class Workspace(NamedTuple):
-    """Memory of a control step, carved out of one array.
+    """Memory of a control step, as views of one array.
 
     Attributes:
         contacts: (n, :data:`CONTACT_WIDTH`) of all obstacles.
         rows: Of the QP.
         bodies: In reach.
-        groups: Of these.
+        groups: Of bodies.
         arcs: Of a rollout.
         tables: Of the look-ahead.
-        points: As seen when the twist takes effect.
-        capsules: The same, walls in one piece.
+        points: In the robot frame when the twist takes effect.
+        capsules: In that frame, with joined walls.
     """
 
     contacts: Array
@@ -46,13 +46,13 @@ class Workspace(NamedTuple):
 
 
 MOST_TICKS = 1e6
-"""Of a horizon: control steps, or looks."""
+"""Greatest number of control steps or ticks of a horizon."""
 
 
 @entry
 @compiled_once
 def is_counted(edges: Edges, robot: LimitVector, settings: FilterSettings) -> bool:
-    """Return whether memory can be laid out by what the settings count."""
+    """Return whether the settings give a valid layout of the memory."""
     s = settings[0]
     ticks = 0.0 < s.tick and s.horizon <= MOST_TICKS * s.tick
     steps = 0.0 < s.dt and 0.0 <= s.horizon <= MOST_TICKS * s.dt
@@ -64,7 +64,7 @@ def is_counted(edges: Edges, robot: LimitVector, settings: FilterSettings) -> bo
 @entry
 @compiled
 def look_ticks(settings: FilterSettings) -> int:
-    """Return how many ticks the horizon has."""
+    """Return the number of ticks of the horizon."""
     ticks: int = round(settings[0].horizon / settings[0].tick)
     return ticks
 
@@ -72,17 +72,16 @@ def look_ticks(settings: FilterSettings) -> int:
 @entry
 @compiled_once
 def memory_size(contacts: int, settings: FilterSettings) -> int:
-    """Return how many numbers of memory a step among so many contacts needs."""
-    # In the sizes of `carve`: 8 rows more for the four of the wheels and the four
-    # limits of the solver, 4 for the limits alone.
-    # As a float, which no number of contacts makes overflow: an int of C is short.
+    """Return the numbers of memory that a step with so many contacts needs."""
+    # The sizes of `carve`: 8 rows more for the four of the wheels and the four limits
+    # of the solver, 4 for the limits alone. A float: an int of C could overflow.
     sides, many = most_sides(look_ticks(settings)), float(contacts)
     rows = many + sides + 8 + sides + 4
     tables = (many + contacts // FEW) * BODY
     tables += most_arcs(settings) * ARC + sides * SIDE
     tables += 4 * (look_ticks(settings) + 1)
     each = CONTACT_WIDTH + 2 + CAPSULE_WIDTH
-    return int(many * each + rows * WIDTH + tables)
+    return int(many * each + rows * ROW_WIDTH + tables)
 
 
 @compiled_once
@@ -90,8 +89,8 @@ def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Works
     """Return the memory as the tables of a step."""
     sides, arcs = most_sides(look_ticks(settings)), most_arcs(settings)
     a = contacts * CONTACT_WIDTH
-    b = a + (contacts + sides + 8) * WIDTH
-    c = b + (sides + 4) * WIDTH
+    b = a + (contacts + sides + 8) * ROW_WIDTH
+    c = b + (sides + 4) * ROW_WIDTH
     d = c + contacts * BODY
     e = d + contacts // FEW * BODY
     f = e + arcs * ARC
@@ -100,10 +99,10 @@ def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Works
     i = h + CAPSULE_WIDTH * contacts
     ticks = look_ticks(settings) + 1
     frames = memory[i : i + 4 * ticks].reshape(ticks, 4)
-    inner = memory[b:c].reshape(sides + 4, WIDTH)
+    inner = memory[b:c].reshape(sides + 4, ROW_WIDTH)
     return Workspace(
         memory[:a].reshape(contacts, CONTACT_WIDTH),
-        memory[a:b].reshape(contacts + sides + 8, WIDTH),
+        memory[a:b].reshape(contacts + sides + 8, ROW_WIDTH),
         memory[c:d].reshape(contacts, BODY),
         memory[d:e].reshape(contacts // FEW, BODY),
         memory[e:f].reshape(arcs, ARC),
@@ -115,9 +114,9 @@ def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Works
 
 @compiled
 def new_scene(setup: Setup, state: Array, space: Workspace, count: int) -> Scene:
-    """Return the scene of a control step with so many bodies; nothing is waived."""
+    """Return the scene of a control step with so many bodies, without caps of r_min."""
     (edges, robot, settings), s = setup, setup.settings[0]
-    last, pending = (state[V], state[OMEGA]), pending_pace(settings, state)
+    last, pending = (state[PAST_V], state[PAST_OMEGA]), pending_pace(settings, state)
     longest = s.dt * (1.0 + s.jitter)
     # fmt: off
     return Scene(edges, robot, settings, space.bodies[:count], last, pending,
@@ -129,7 +128,7 @@ def new_scene(setup: Setup, state: Array, space: Workspace, count: int) -> Scene
 def seen_then(
     setup: Setup, obstacles: Arrays, state: Array, space: Workspace
 ) -> Arrays:
-    """Return the obstacles as they are seen when the next twist takes effect."""
+    """Return the obstacles in the robot frame when the next twist takes effect."""
     (_, robot, settings), (points, capsules) = setup, obstacles
     count = join_walls(capsules, space.capsules)
     capsules = space.capsules[:count]

@@ -74,13 +74,15 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
     ),
     "list": (
         runs.show_names,
-        option("WHAT", ", ".join(runs.KINDS), choices=runs.KINDS),
+        option("WHAT", ", ".join(runs.LISTED), choices=runs.LISTED),
         JSON,
     ),
     "check": (runs.check, option("CONFIG", "file or shipped name"), DATA, TRUST, JSON),
     "schema": (
         files.schema,
-        option("FILE", ", ".join(files.FILES), "scenario", choices=files.FILES),
+        option(
+            "FILE", ", ".join(files.FILE_KINDS), "scenario", choices=files.FILE_KINDS
+        ),
     ),
     "init": (
         files.init,

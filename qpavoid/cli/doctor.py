@@ -24,10 +24,10 @@ LEAST_PYTHON = (3, 11)
 
 
 class Finding(NamedTuple):
-    """What was found of one thing.
+    """Result of one check.
 
     Attributes:
-        thing: What was looked at.
+        thing: Subject of the check.
         state: ``fine``, ``not there`` (and needed for some things only) or ``wrong``.
         found: What there is.
         advice: What to do, if something is to be done.
@@ -113,7 +113,7 @@ def warm(options: Namespace) -> None:
 def examined() -> Iterator[Finding]:
     """Yield all that is found."""
     old = sys.version_info < LEAST_PYTHON
-    advice = "wants 3.11 or later" if old else ""
+    advice = "needs 3.11 or later" if old else ""
     yield Finding("Python", WRONG if old else FINE, platform.python_version(), advice)
     yield Finding("qpavoid", FINE, importlib.metadata.version("qpavoid"))
     yield from packages()

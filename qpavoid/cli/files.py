@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from qpavoid.lab.simulation.tables import Strict
 
 
-FILES = ("scenario", "study")
+FILE_KINDS = ("scenario", "study")
 """Kinds of file that have a schema."""
 
 

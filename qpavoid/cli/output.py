@@ -1,4 +1,4 @@
-"""What commands print: tables for people, or JSON for programs."""
+"""Output of commands: tables for people, or JSON for programs."""
 
 import json
 import math
@@ -84,7 +84,7 @@ Progress: TypeAlias = Callable[[int, int], None]
 """Called with how much is done, and how much need not be done."""
 
 SHOWN_S = 3.0
-"""What takes less time than this has no bar."""
+"""s; shorter tasks have no progress bar."""
 
 
 @contextmanager

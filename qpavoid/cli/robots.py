@@ -23,7 +23,7 @@ def ros(options: Namespace) -> int:
         from qpavoid.ros.node import main
     except ImportError as error:
         raise QPAvoidError(
-            f"the node wants {error.name}: source the setup of ROS 2, or see "
+            f"the node needs {error.name}: source the setup of ROS 2, or see "
             "docs/ros2.md for environments without apt"
         ) from None
     return main(given)

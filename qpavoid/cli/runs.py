@@ -90,9 +90,9 @@ def _simulate(
 
 
 FORMATS = ("png", "svg", "pdf")
-"""What figures are saved as."""
+"""File formats of figures."""
 
-KINDS = ("controllers", "backends", "robots", "configs", "studies")
+LISTED = ("controllers", "backends", "robots", "configs", "studies")
 
 
 def show_names(options: Namespace) -> None:

@@ -1,1 +1,1 @@
-"""The filter as one C99 source, translated from the package's own functions."""
+"""Export of the compiled functions as C99, WebAssembly and a Python extension."""

@@ -1,4 +1,4 @@
-"""The body of a C function: its lines, and where its variables are declared."""
+"""Body of a C function: its lines, and the declarations of its variables."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -10,14 +10,14 @@ from qpavoid.export.values import NUMBERS, Value, c_name, c_words, wrapped
 class FunctionBody:
     """Lines and variables of one function, written repeatedly until a fixed point.
 
-    The pass before says of which kind each variable is, where it is declared, and which
-    are never read.
+    The previous pass gives the kind of each variable, its place of declaration, and
+    which variables are never read.
 
     Attributes:
         kinds: Of the variables.
-        result: Kind of what is returned.
-        uses: Of each variable, in order: numbers of the blocks around, and whether it
-            is assigned there.
+        result: Kind of the result.
+        uses: Of each variable, in order: numbers of the enclosing blocks, and whether
+            it is assigned there.
         ended: Whether the present block returns, breaks or continues.
         pointers: Parameters that are pointers to their values.
     """
@@ -31,7 +31,7 @@ class FunctionBody:
         self.pointers: set[str] = set()
 
     def begin(self) -> None:
-        """Begin the next pass: forget all but what is known of the variables."""
+        """Begin the next pass: discard all but the knowledge of the variables."""
         self.inline = {name for name in self.uses if self._declared_inline(name)}
         self.once = {n for n, uses in self.uses.items() if sum(s for _, s in uses) == 1}
         self.unread = set(self.kinds) - self.reads if self.lines else set()
@@ -41,18 +41,18 @@ class FunctionBody:
         self.ended = False
 
     def _declared_inline(self, name: str) -> bool:
-        """Say whether a variable is assigned first, in a block around all its uses."""
+        """Return whether a variable is first assigned in a block with all its uses."""
         first, assigned = self.uses[name][0]
         inside = all(path[: len(first)] == first for path, _ in self.uses[name])
         return assigned and inside and name not in self.parameters
 
     @property
     def state(self) -> object:
-        """What is known of the variables; it stays at the fixed point."""
+        """Knowledge of the variables, constant at the fixed point."""
         return dict(self.kinds), self.result, self.uses
 
     def text(self, name: str) -> str:
-        """Return the definition; parameters and variables never read are left out."""
+        """Return the definition, without parameters and variables never read."""
         kinds, given = self.kinds, self.parameters
         taken = [self.parameter(n) for n in given if n in self.reads]
         head = f"static {self.result} {name}({', '.join(taken) or 'void'})"
@@ -73,7 +73,7 @@ class FunctionBody:
         return f"{kind} {c_name(name)}"
 
     def emit(self, line: str, reads: str | None = None) -> None:
-        """Add a line; the variables in it, or in ``reads``, are read."""
+        """Add a line; the variables in it, or in ``reads``, count as read."""
         words = c_words(line if reads is None else reads)
         for name in self.kinds:
             if c_name(name) in words:
@@ -83,7 +83,7 @@ class FunctionBody:
 
     @contextmanager
     def block(self, head: str) -> Iterator[None]:
-        """Open a block around what is emitted meanwhile; it is not closed."""
+        """Open a block around the lines emitted meanwhile; it is not closed."""
         self.emit(f"{head} {{")
         self.blocks += 1
         self.path += (self.blocks,)
@@ -103,7 +103,7 @@ class FunctionBody:
         return Value(value.kind, name)
 
     def store(self, name: str, text: str) -> None:
-        """Assign to a variable; declare it where that can be here."""
+        """Assign to a variable; declare it here if possible."""
         declared = ""
         if name in self.inline and name not in self.uses:
             declared = f"{'const ' if name in self.once else ''}{self.kinds[name]} "
@@ -112,14 +112,14 @@ class FunctionBody:
 
 
 def address(kind: str, text: str) -> str:
-    """Return a pointer to a value, a variable or not."""
+    """Return a pointer to a value; a variable or not."""
     if re.fullmatch(r"[\w.]+", text):
         return f"&{text}"
     return f"(const {kind}[]){{{text}}}"
 
 
 def pointed(found: re.Match[str]) -> str:
-    """Return the use of a parameter as that of a pointer to it."""
+    """Return the use of a parameter as the use of a pointer to it."""
     before, name, member = found.groups()
     if member:
         return f"{before}{name}->"

@@ -1,4 +1,4 @@
-"""Compilers: the system's, else zig, which PyPI has as ``ziglang``."""
+"""C compilers: the system's, else zig, which PyPI has as ``ziglang``."""
 
 import os
 import shlex
@@ -15,8 +15,8 @@ FLAGS = (
     *("-std=c11", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fwrapv"),
     "-fno-tree-slp-vectorize",
 )
-"""No fast-math, and no products and sums in one: the bits are those of Python. Numbers
-that stand side by side are not read two at once: that waits for them to be written."""
+"""No fast-math and no fused multiply-add: the bits are those of Python. No vectors of
+neighbouring numbers: loading them waits for the preceding stores."""
 
 WASM = (
     *("-target", "wasm32-wasi", "-mexec-model=reactor", "-s"),
@@ -27,15 +27,15 @@ WASM = (
 SHARED = ("-shared", "-fPIC", "-fvisibility=hidden")
 
 MACOS = ("-undefined", "dynamic_lookup")
-"""There, what Python itself has is found when the module is loaded."""
+"""Linker options of macOS: Python's symbols are resolved when the module is loaded."""
 
 
 class CompileError(QPAvoidError):
-    """A compiler refused what it was given."""
+    """A compiler failed."""
 
 
 def system_compiler() -> list[str]:
-    """Return the command of the system's compiler of C; empty: there is none."""
+    """Return the command of the system's C compiler; empty if there is none."""
     named = shlex.split(os.environ.get("CC", ""))
     if named:
         return named if shutil.which(named[0]) else []
@@ -44,7 +44,7 @@ def system_compiler() -> list[str]:
 
 
 def zig() -> list[str]:
-    """Return the command of zig as a compiler of C; empty: it is not installed."""
+    """Return the command of zig as a C compiler; empty if it is not installed."""
     if find_spec("ziglang"):
         return [sys.executable, "-m", "ziglang", "cc"]
     found = shutil.which("zig")
@@ -66,7 +66,7 @@ def compile_c(command: Sequence[str], folder: Path, *arguments: str) -> None:
 
 
 def compile_wasm(source: Path, target: Path, names: Sequence[str]) -> None:
-    """Compile C to a WebAssembly module that imports nothing and exports some names.
+    """Compile C to a WebAssembly module without imports that exports some names.
 
     Raises:
         MissingExtraError: zig is not installed.
@@ -92,7 +92,7 @@ def compile_extension(source: Path, target: Path) -> str:
         command = zig()
         flags.append("-fno-sanitize=undefined")
     if not command:
-        raise CompileError("no compiler of C: neither cc, gcc, clang nor ziglang")
+        raise CompileError("no C compiler: neither cc, gcc, clang nor ziglang")
     files = [str(source.resolve()), "-o", str(target.resolve()), "-lm"]
     compile_c(command, source.parent, *flags, *(MACOS if system else ()), *files)
     return " ".join(command)

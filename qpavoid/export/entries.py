@@ -1,8 +1,8 @@
-"""Entry points: compiled functions with all that they are told at run time, in C.
+"""Entry points: compiled functions in C with all arguments at run time.
 
-Of each there is a function of plain C, ``qpavoid_NAME``: a number for a number, a
-pointer for an array or a record, then the sizes of the array; tuples are written out.
-What it returns, if it is not a number, is written to ``result``, a double each.
+Each is a C function ``qpavoid_NAME``: a number for a number, a pointer for an array or
+a record, followed by the sizes of the array; tuples are flattened. A result other than
+a number is written to ``result``, one double per number.
 """
 
 import inspect
@@ -31,16 +31,17 @@ PREFIX = "qpavoid_"
 
 
 class Shape(NamedTuple):
-    """What an argument or a result is made of.
+    """Structure of an argument or a result.
 
     Attributes:
         name: In C, of an argument.
-        kind: A number of C, ``vector``, ``matrix`` or a record's name; empty: a tuple.
+        kind: C type of a number, ``vector``, ``matrix`` or a record's name; empty for a
+            tuple.
         written: Whether an array is changed.
         of: Class of a tuple.
         parts: Of a tuple.
-        fields: Their names.
-        least: Sizes that an array has at least.
+        fields: Names of the parts.
+        least: Least sizes of an array.
     """
 
     name: str
@@ -61,13 +62,13 @@ class Shape(NamedTuple):
 
     @property
     def names(self) -> list[str]:
-        """Names of the parameters of the function of C."""
+        """Names of the parameters of the C function."""
         sizes = ("rows", "columns")[: SIZES.get(self.kind, 0)]
         return [c_name(self.name), *(f"{self.name}_{size}" for size in sizes)]
 
     @property
     def parameters(self) -> list[str]:
-        """Parameters of the function of C."""
+        """Parameters of the C function."""
         first, *sizes = self.names
         if self.kind in NUMBERS:
             return [f"{self.kind} {first}"]
@@ -76,7 +77,7 @@ class Shape(NamedTuple):
 
 
 SIZES = {"vector": 1, "matrix": 2}
-"""How many sizes an array has."""
+"""Number of sizes of an array."""
 
 
 class Entry(NamedTuple):
@@ -84,12 +85,12 @@ class Entry(NamedTuple):
 
     Attributes:
         name: Of the Python function.
-        module: Of it.
+        module: Of the Python function.
         summary: First line of its docstring.
-        arguments: What it is told.
-        result: What it returns; of kind ``void``: nothing.
+        arguments: Their structures.
+        result: Its structure; of kind ``void`` without a result.
         call: In C.
-        asks: Name of the entry that is asked before it, of its first arguments.
+        asks: Name of the entry that checks the first arguments, or empty.
     """
 
     name: str
@@ -141,10 +142,10 @@ def numbers_in(structs: Structs, value: Value) -> Iterator[str]:
 
 
 def shape_of(hint: Any, name: str) -> Shape:
-    """Return what a parameter of an annotation is made of.
+    """Return the structure of a parameter from its annotation.
 
     Raises:
-        Unsupported: The annotation does not say it.
+        Unsupported: The annotation is not specific enough.
     """
     if hint in KINDS:
         return Shape(name, KINDS[hint])
@@ -165,9 +166,7 @@ def shape_of(hint: Any, name: str) -> Shape:
         hints = get_type_hints(hint, include_extras=True)
         parts = tuple(shape_of(of, f"{name}_{field}") for field, of in hints.items())
         return Shape(name, "", of=hint, parts=parts, fields=tuple(hints))
-    raise Unsupported(
-        f"{name}: an entry wants numbers, arrays of a number of dimensions"
-    )
+    raise Unsupported(f"{name}: an entry takes numbers and arrays of known dimensions")
 
 
 def records_in(hint: Any) -> Iterator[Record]:
@@ -182,7 +181,7 @@ def records_in(hint: Any) -> Iterator[Record]:
 
 
 def as_value(shape: Shape, structs: Structs) -> Value:
-    """Return a parameter as the translation takes it."""
+    """Return a parameter as a value of the translation."""
     (name, *sizes), kind = shape.names, shape.kind
     if kind in NUMBERS:
         return Value(kind, name)
@@ -195,7 +194,7 @@ def as_value(shape: Shape, structs: Structs) -> Value:
 
 
 def result_shape(structs: Structs, kind: str) -> Shape:
-    """Return what a result is made of."""
+    """Return the structure of a result."""
     if kind not in structs:
         require(
             kind in (*NUMBERS, "void"), "an entry returns numbers, or tuples of them"
@@ -225,7 +224,7 @@ def as_entry(unit: Translation, function: Callable[..., Any]) -> Entry:
 
 
 class Unit(NamedTuple):
-    """A file of C with its entries.
+    """A C file with its entries.
 
     Attributes:
         entries: In their order.
@@ -239,10 +238,10 @@ class Unit(NamedTuple):
 
 
 def unit_of(functions: dict[str, Callable[..., Any]]) -> Unit:
-    """Return the file of C of some functions, each an entry.
+    """Return the C file of some functions, each an entry.
 
     Raises:
-        TranslationError: One of them does what cannot be written as C.
+        TranslationError: One of them cannot be written as C.
     """
     unit = Translation()
     entries = tuple(as_entry(unit, one) for _, one in sorted(functions.items()))

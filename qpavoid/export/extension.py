@@ -1,4 +1,4 @@
-"""The entries as an extension module of Python: glue by a table, no formula."""
+"""Python extension module of the entries: table-driven glue, no formulas."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -13,26 +13,26 @@ from qpavoid.export.values import NUMBERS, TEMPLATES
 from qpavoid.stamps import source_stamp
 
 MEMBERS = {"double": "number", "int": "whole", "bool": "whole"}
-"""Where a slot of the glue has a number."""
+"""Member of a slot of the glue that holds a number."""
 
 POSIX = "#define _POSIX_C_SOURCE 200809L"
-"""For the clock."""
+"""Macro for the clock."""
 
 MOST_SLOTS, MOST_VIEWS, MOST_NUMBERS = 128, 24, 128
-"""As in the glue: leaves and arrays of the arguments, numbers of a result."""
+"""Limits of the glue: leaves and arrays of the arguments, numbers of a result."""
 
 
 def extension_text(
     functions: dict[str, Callable[..., Any]], stamps: Mapping[str, str]
 ) -> str:
-    """Return the C of an extension module.
+    """Return the C source of an extension module.
 
     Args:
         functions: Entries by name.
-        stamps: Of the sources that each of their modules rests on.
+        stamps: Of the sources of their modules.
 
     Raises:
-        TranslationError: A compiled function does what cannot be written as C.
+        TranslationError: A compiled function cannot be written as C.
     """
     unit = unit_of(functions)
     classes = list(dict.fromkeys(c for one in unit.entries for c in named(one.result)))
@@ -58,7 +58,7 @@ def named(shape: Shape) -> list[type]:
 
 
 def trampoline(one: Entry) -> str:
-    """Return the function that hands on the slots of a call."""
+    """Return the C function that passes the slots of a call on."""
     given, i = [], 0
     for leaf in one.leaves:
         if leaf.kind in NUMBERS:
@@ -111,7 +111,7 @@ def row(unit: Unit, one: Entry, classes: list[type]) -> str:
 
 
 def function(one: Entry, number: int) -> str:
-    """Return the function that Python calls."""
+    """Return the C function that Python calls."""
     head = (
         f"static PyObject *py_{one.name}(PyObject *m, PyObject *const *a, Py_ssize_t n)"
     )
@@ -125,10 +125,10 @@ def method(one: Entry) -> str:
 
 
 def build_extension(file: Path) -> str:
-    """Make the extension of the entries of all modules loaded; return by what.
+    """Build the extension of the entries of all loaded modules; return the compiler.
 
     Raises:
-        TranslationError: A compiled function does what cannot be written as C.
+        TranslationError: A compiled function cannot be written as C.
         CompileError: There is no compiler, or it failed.
     """
     plain = [one.py_func for one in ENTRIES.values()]  # type: ignore[attr-defined]

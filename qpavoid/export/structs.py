@@ -1,4 +1,4 @@
-"""The C types of tuples and named tuples."""
+"""C types of tuples and named tuples."""
 
 from collections.abc import Sequence
 from itertools import chain, count
@@ -25,12 +25,12 @@ from qpavoid.types import Record
 
 
 class Struct(NamedTuple):
-    """The C type of a tuple.
+    """C type of a tuple.
 
     Attributes:
         of: Class of a named tuple; ``tuple`` for any other.
-        parts: Kinds and names of the members; what exists at translation alone is
-            itself, and no member.
+        parts: Kinds and names of the members; parts that exist only at translation are
+            stored themselves and are no members.
     """
 
     of: type
@@ -38,7 +38,7 @@ class Struct(NamedTuple):
 
     @property
     def identity(self) -> list[object]:
-        """What two tuples of one C type have in common."""
+        """Key that is equal for tuples of one C type."""
         return [self.of, *(part.identity for part in self.parts)]
 
     def text(self, name: str) -> str:
@@ -53,11 +53,11 @@ class Struct(NamedTuple):
 
 
 class Structs(dict[str, Struct]):
-    """The structs of a translation by name.
+    """Structs of a translation by name.
 
     Attributes:
-        names: All identifiers of file scope that are in use.
-        records: Arrays of one record that are only known at run time, by their types.
+        names: All identifiers of file scope in use.
+        records: Types of arrays of one record that are known only at run time.
     """
 
     def __init__(self) -> None:
@@ -72,7 +72,7 @@ class Structs(dict[str, Struct]):
         return Value(record.name, text)
 
     def field(self, owner: Value, name: str) -> Value | None:
-        """Return a field of a record; None where there is no such thing."""
+        """Return a field of a record; None if there is none."""
         record = self.records.get(owner.kind)
         if record is None or name not in (record.dtype.names or ()):
             return None
@@ -82,7 +82,7 @@ class Structs(dict[str, Struct]):
         return Value("int", f"(int){text}", UNARY)
 
     def size(self, kind: str) -> int:
-        """Return how many bytes a value takes at most; 0 where that is one number."""
+        """Return the greatest size of a value in bytes; 0 for a number."""
         if kind in self:
             return sum(max(self.size(part.kind), 8) for part in self[kind].parts)
         return 16 if kind in ARRAYS else 0
@@ -93,7 +93,7 @@ class Structs(dict[str, Struct]):
         return records | {name: one.text(name) for name, one in self.items()}
 
     def free(self, name: str) -> str:
-        """Return a new identifier, numbered where the name is in use."""
+        """Return a new identifier, numbered if the name is in use."""
         numbered = (f"{name}{i}" for i in count(2))
         new = next(n for n in chain([name], numbered) if n not in self.names)
         self.names.add(new)
@@ -104,8 +104,8 @@ class Structs(dict[str, Struct]):
     ) -> Value:
         """Return a tuple as a compound literal, with designators if ``named``.
 
-        Parts that exist at translation alone are no members; a tuple of nothing but
-        such exists at translation alone itself.
+        Parts that exist only at translation are no members; a tuple of only such parts
+        exists only at translation itself.
         """
         hints = getattr(of, "__annotations__", {})
         kinds = [ANNOTATED.get(hints.get(f)) for f in field_names(of, len(parts))]
@@ -126,7 +126,7 @@ class Structs(dict[str, Struct]):
         return Value(name, f"({name}){{{texts}}}", parts=parts)
 
     def struct(self, of: type, parts: Sequence[Value]) -> str:
-        """Return the name of the struct with such members, defined if it is new."""
+        """Return the name of the struct with such members; define it if it is new."""
         members = tuple(
             Value(part.kind, c_name(field, MEMBERS)) if part.kind else part
             for field, part in zip(field_names(of, len(parts)), parts, strict=True)
@@ -153,7 +153,7 @@ class Structs(dict[str, Struct]):
         ]
 
     def fields(self, value: Value) -> tuple[str, ...]:
-        """Return the names of the parts; none of what is no tuple."""
+        """Return the names of the parts; empty for other values."""
         if value.kind not in self:
             return tuple(getattr(value.known, "_fields", ()))
         return field_names(self[value.kind].of, len(self[value.kind].parts))
@@ -188,7 +188,7 @@ class Structs(dict[str, Struct]):
 
 
 def field_names(of: type, count: int) -> tuple[str, ...]:
-    """Return the names of so many parts of a tuple."""
+    """Return the names of the parts of a tuple, numbered if it has none."""
     names: tuple[str, ...] = getattr(of, "_fields", ())
     return names or tuple(f"_{i}" for i in range(count))
 
@@ -198,7 +198,7 @@ MEMBER: dict[Any, str] = {np.dtype(np.float64): "double", np.dtype(np.int64): "i
 
 
 def record_text(record: Record) -> str:
-    """Return the definition of the pointer to a record, laid out as numpy does."""
+    """Return the definition of the pointer to a record, with numpy's layout."""
     fields = [(record.dtype[name], name) for name in record.dtype.names or ()]
     members = [f"{MEMBER[of]} {c_name(name, MEMBERS)};" for of, name in fields]
     const = "" if record.written else "const "

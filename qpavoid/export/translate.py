@@ -1,4 +1,4 @@
-"""Compiled functions translated to C: one visitor a function, and what they share."""
+"""Translation of compiled functions to C: one visitor per function, and shared data."""
 
 import ast
 import builtins
@@ -39,23 +39,23 @@ from qpavoid.export.values import (
 )
 
 MOST_COPIED = 16
-"""Bytes of a struct that are handed on by value, in two registers."""
+"""Bytes; greatest size of a struct passed by value, in two registers."""
 
 MOST_PASSES = 99
-"""More than any function needs until all kinds of its variables are found."""
+"""Greatest number of passes until the kinds of all variables are found."""
 
 SCALARS = bool | int | float | np.number | np.bool_
 
 
 class Function(ast.NodeVisitor):
-    """Translates one function, specialised to the kinds of its arguments.
+    """Translator of one function, specialised to the kinds of its arguments.
 
     Visiting an expression returns its :class:`Value`; visiting a statement writes it.
 
     Attributes:
         name: In C.
-        body: What is written.
-        static: Variables that exist at translation alone.
+        body: Its lines.
+        static: Variables that exist only at translation.
         counters: Of the loops that have ended.
     """
 
@@ -84,12 +84,14 @@ class Function(ast.NodeVisitor):
             self.static, self.counters = dict(self.bound), set[str]()
             self.write(tree.body)
         else:
-            raise TranslationError(f"cannot be C: {plain.__name__} is never settled")
+            raise TranslationError(
+                f"cannot be C: the kinds of {plain.__name__} do not converge"
+            )
         self.name = unit.structs.free(c_name(plain.__name__))
         self.body.pointers = {n for n in kinds if self.is_handed_on(n)}
 
     def is_handed_on(self, name: str) -> bool:
-        """Say whether a pointer is taken in place of a struct: of a long one, read."""
+        """Return whether a struct is passed by pointer: it is large, and only read."""
         stored = any(stored for _, stored in self.body.uses.get(name, ()))
         return self.structs.size(self.body.kinds[name]) > MOST_COPIED and not stored
 
@@ -109,10 +111,10 @@ class Function(ast.NodeVisitor):
             raise TranslationError(f"{place}: cannot be C: {text!r}: {why}") from None
 
     def generic_visit(self, node: ast.AST) -> None:
-        """Refuse what has no method of its own."""
+        """Reject a node without a method of its own."""
         raise Unsupported(f"{type(node).__name__} is outside the subset")
 
-    # What an expression is worth.
+    # Values of expressions.
 
     def number(self, node: ast.expr) -> Value:
         """Return the value of an expression that must be a number."""
@@ -129,7 +131,7 @@ class Function(ast.NodeVisitor):
         return values
 
     def inline(self, node: ast.expr) -> Value:
-        """Return a value not always evaluated: nothing may be written before it."""
+        """Return a value that is not always evaluated; it must not write first."""
         before = len(self.body.lines)
         value: Value = self.visit(node)
         written = len(self.body.lines) > before
@@ -137,7 +139,7 @@ class Function(ast.NodeVisitor):
         return value
 
     def python(self, known: Any, name: str = "") -> Value:
-        """Return the value of a Python object; ``name`` is what its module calls it."""
+        """Return the value of a Python object; ``name``: its name in the module."""
         if isinstance(known, Value):
             return known
         if isinstance(known, SCALARS):
@@ -156,12 +158,12 @@ class Function(ast.NodeVisitor):
         return list(self.structs.parts(value))
 
     def simple(self, value: Value) -> Value:
-        """Return a value that can be named more than once."""
+        """Return a value that can be used more than once."""
         plain = value.text.replace("->", "").replace(".", "").isidentifier()
         return value if plain else self.body.temporary(value)
 
     def item(self, parts: Sequence[Value], i: str, hoisted: bool = False) -> Value:
-        """Return the part of a tuple at a place that is only known at run time."""
+        """Return the part of a tuple at an index known only at run time."""
         kinds = {part.kind for part in parts}
         kinds = {"double"} if kinds == {"int", "double"} else kinds
         require(len(kinds) == 1 and "" not in kinds, "only from a tuple of one kind")
@@ -179,7 +181,7 @@ class Function(ast.NodeVisitor):
         name, kinds = node.id, self.body.kinds
         if name in self.static:
             return self.static[name]
-        if name in self.counters:  # read after its loop: from now on a variable
+        if name in self.counters:  # read after its loop: now a variable
             kinds.setdefault(name, "int")
         if name in kinds:
             return Value(kinds[name], c_name(name))
@@ -240,7 +242,7 @@ class Function(ast.NodeVisitor):
         return Value("double", f"{array}.at[{begin}{j.text}]")
 
     def index(self, node: ast.expr, size: str) -> Value:
-        """Return an integer, from the end where it is known to be negative, or a slice.
+        """Return an integer, from the end if known to be negative, or a slice.
 
         The text of a slice is both its bounds, as arguments in C.
         """
@@ -252,7 +254,7 @@ class Function(ast.NodeVisitor):
         if isinstance(value.known, slice):
             return Value("slice", f"{value.known.start or 0}, {value.known.stop}")
         value = as_number(value)
-        require(value.kind == "int", "an integer is wanted here")
+        require(value.kind == "int", "an integer is needed here")
         if value.decided and value.known < 0:
             return Value("int", f"{size} - {-value.known}", ADD)
         return value
@@ -332,7 +334,7 @@ class Function(ast.NodeVisitor):
         return called(function, values)
 
     def reshaped(self, base: Value, sizes: Sequence[Value]) -> Value:
-        """Return the matrix that a vector is laid out as."""
+        """Return a vector reshaped to a matrix."""
         sizes = self.parts(sizes[0]) if len(sizes) == 1 else sizes
         kinds = [base.kind, *(size.kind for size in sizes)]
         fits = kinds == ["vector", "int", "int"]
@@ -391,7 +393,7 @@ class Function(ast.NodeVisitor):
             self.body.emit(f"{place.text} = {value.text};")
 
     def unpack(self, targets: Sequence[ast.expr], value: Value) -> None:
-        """Assign the parts of a tuple, all of them read before one is written."""
+        """Assign the parts of a tuple; all are read before one is written."""
         struct = self.structs.get(value.kind)
         parts = list(struct.parts) if struct and not value.parts else []
         if parts and all(map(self.unused, targets, parts)):
@@ -410,7 +412,7 @@ class Function(ast.NodeVisitor):
             self.assign(target, parts[i])
 
     def unused(self, target: ast.expr, part: Value) -> bool:
-        """Say whether the assignment of a part has no effect in C."""
+        """Return whether the assignment of a part has no effect in C."""
         names = {"_", *self.body.unread}
         return not part.kind or (isinstance(target, ast.Name) and target.id in names)
 
@@ -430,11 +432,11 @@ class Function(ast.NodeVisitor):
             held = Value(kinds.get(name, value.kind), name)
             kinds[name] = self.structs.common(held, value)
             text = self.structs.cast(value, kinds[name]).text
-            if text != name:  # of which a constant has been folded away
+            if text != name:  # a constant has been folded away
                 self.body.store(name, text)
 
     def discard(self, value: Value) -> None:
-        """Evaluate what is not read, where a function might write to an array."""
+        """Evaluate an unused value if its function might write to an array."""
         names = {made.name for made in self.unit.functions.values()}
         if names & set(re.findall(r"(\w+)\(", value.text)):
             plain = value.level == ATOM and re.fullmatch(r"\w+\(.*\)", value.text)
@@ -443,7 +445,7 @@ class Function(ast.NodeVisitor):
     # Control flow.
 
     def write(self, nodes: Sequence[ast.stmt]) -> None:
-        """Write statements one after another, up to the first that ends them."""
+        """Write successive statements, up to the first that returns or breaks."""
         for node in nodes:
             self.visit(node)
             if self.body.ended:
@@ -527,7 +529,7 @@ class Function(ast.NodeVisitor):
 
 
 class Translation:
-    """A file of C: functions, each before those that call it, and what they share.
+    """A C file: functions, each before its callers, and shared data.
 
     Attributes:
         functions: By their Python function and the kinds of their arguments.
@@ -549,7 +551,7 @@ class Translation:
         return value
 
     def called(self, plain: Callable[..., Any], arguments: Sequence[Value]) -> Value:
-        """Return the call of a function, translated where that is new."""
+        """Return the call of a function, translated at the first call."""
         kinds = ("" if a.kind in NUMBERS else a.identity for a in arguments)
         key = (plain, *kinds)
         if key not in self.functions:
@@ -565,7 +567,7 @@ class Translation:
         return Value(made.body.result, f"{made.name}({texts})")
 
     def define(self, name: str, number: Any, module: str) -> str:
-        """Return the C name of a module's constant; longer where that is taken."""
+        """Return the C name of a module's constant; longer if that is in use."""
         if self.constants.setdefault(name, number) != number:
             name = f"{module.rpartition('.')[2].upper()}_{name}"
             self.constants[name] = number
@@ -574,7 +576,7 @@ class Translation:
 
     @property
     def text(self) -> str:
-        """All functions, below the constants, types and helpers that they use."""
+        """All functions, after the constants, types and helpers that they use."""
         used, functions = set(self.wanted), []
         for made in reversed(self.functions.values()):
             text = made.body.text(made.name)
@@ -595,7 +597,7 @@ class Translation:
 
 
 def annotated(hint: ast.expr | None) -> str:
-    """Return the kind of number that an annotation says; empty for anything else."""
+    """Return the kind of number of an annotation; empty for anything else."""
     return ANNOTATED.get(ast.unparse(hint), "") if hint else ""
 
 
@@ -603,7 +605,7 @@ def as_number(value: Value) -> Value:
     """Return a value that must be a number."""
     if isinstance(value.known, bool | int | float) and not value.kind:
         value = constant(value.known)
-    require(value.kind in NUMBERS, "a number is wanted here")
+    require(value.kind in NUMBERS, "a number is needed here")
     return value
 
 
@@ -620,7 +622,7 @@ def constant_element(base: Value, places: Sequence[Value]) -> Value:
 
 
 def clobbers(target: ast.expr, text: str) -> bool:
-    """Say whether to assign to a target may change what an expression is worth."""
+    """Return whether an assignment to a target may change an expression's value."""
     if isinstance(target, ast.Name):
         return c_name(target.id) in c_words(text)
     return "(" in text or "at[" in text or "->" in text

@@ -1,4 +1,4 @@
-"""Values of expressions in C, and operators on them, folded where they are known."""
+"""Values of expressions in C, and operators on them, with constant folding."""
 
 import ast
 import math
@@ -17,7 +17,7 @@ from qpavoid.errors import QPAvoidError
 TEMPLATES = Path(__file__).with_name("templates")
 
 UNKNOWN: Any = object()
-"""The value of what is only known when the filter runs."""
+"""Value that is known only at run time."""
 
 TERNARY, OR, AND, COMPARE, ADD, MULTIPLY, UNARY, ATOM = range(8)
 """Precedence of C's operators."""
@@ -26,15 +26,15 @@ NUMBERS = ("bool", "int", "double")
 ARRAYS = ("vector", "matrix")
 KINDS = {bool: "bool", int: "int", float: "double"}
 ANNOTATED: dict[Any, str] = KINDS | {of.__name__: kind for of, kind in KINDS.items()}
-"""The kinds of numbers by their annotations, evaluated or not."""
+"""Kinds of numbers by their annotations, evaluated or not."""
 
 
 class TranslationError(QPAvoidError):
-    """Something in a compiled function lies outside the subset translated to C."""
+    """A compiled function uses a construct outside the subset translated to C."""
 
 
 class Unsupported(Exception):
-    """Why a node cannot be translated; who visits it adds where it stands."""
+    """Reason why a node cannot be translated; the visitor adds its location."""
 
 
 def require(holds: bool, why: str) -> None:
@@ -48,10 +48,10 @@ class Value(NamedTuple):
 
     Attributes:
         kind: Its C type: a number, ``vector``, ``matrix`` or the struct of a tuple;
-            empty for what exists at translation alone, such as the settings.
+            empty for values that exist only at translation, such as the settings.
         text: C.
         level: Precedence of the text's outermost operator.
-        known: The Python value where it is known at translation.
+        known: The Python value if it is known at translation.
         parts: Of a tuple that is written out.
     """
 
@@ -72,12 +72,12 @@ class Value(NamedTuple):
 
     @property
     def runtime(self) -> bool:
-        """Whether it exists in C and is only known there."""
+        """Whether it exists in C and is known only at run time."""
         return bool(self.kind) and not self.decided
 
     @property
     def identity(self) -> str:
-        """The C type; for what exists at translation alone, its type and name."""
+        """C type; of values that exist only at translation, their type and name."""
         return self.kind or f"{type(self.known).__name__} {self.text}"
 
 
@@ -106,7 +106,7 @@ PRELUDE = {
     for text in _PRELUDE.split("\n\n")
     for name in re.findall(r"^.*?(\w+)(?:\(|;$)", text)
 }
-"""Types and helpers by name, which stand for Python's own: ``min`` and ``max`` keep the
+"""Types and helpers by name, with Python's semantics: ``min`` and ``max`` return the
 first of equal ones, ``%`` and ``//`` round towards -∞, no number exceeds an int."""
 
 MEMBERS = {
@@ -115,7 +115,7 @@ MEMBERS = {
     goto if inline int long register restrict return short signed sizeof static struct
     switch typedef union unsigned void volatile while bool true false""".split(),
 }
-"""Names that no member of a struct can have."""
+"""Names that members of a struct must not have."""
 
 LIBM = """sqrt sin cos tan asin acos atan atan2 hypot exp log copysign fabs isfinite
 isinf isnan""".split()
@@ -126,16 +126,16 @@ RESERVED = {
     *LIBM,
     *"abs pow ceil floor rint fmin fmax fmod round main edges robot settings".split(),
 }
-"""Names that mean something else in C."""
+"""Names with a meaning in C."""
 
 
 def c_name(name: str, reserved: set[str] = RESERVED) -> str:
-    """Return an identifier that C leaves free."""
+    """Return an identifier that is no reserved name in C."""
     return f"{name}_" if name in reserved else name
 
 
 def c_words(text: str) -> set[str]:
-    """Return the identifiers in C, but for those of members and in comments."""
+    """Return the identifiers in C, except members and in comments."""
     code = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
     return set(re.findall(r"(?<![.\w])[A-Za-z_]\w*", code))
 
@@ -144,26 +144,26 @@ fill = partial(textwrap.fill, width=88, break_long_words=False, break_on_hyphens
 
 
 def wrapped(line: str, depth: int) -> str:
-    """Return a line of C, broken at blanks where it is too long."""
+    """Return a line of C, broken at blanks if it is too long."""
     indent = "    " * depth
     return fill(line, initial_indent=indent, subsequent_indent=indent + "    ")
 
 
 def commented(module: str, docstring: str | None, text: str) -> str:
-    """Return C below a comment: its Python module and its docstring's summary."""
+    """Return C after a comment: its Python module and its docstring's summary."""
     said = (docstring or "").partition("\n\n")[0]
     summary = f"/* {module}: {' '.join(said.split())} */"
     return f"{textwrap.fill(summary, 88, subsequent_indent=' * ')}\n{text}"
 
 
 SAME = {getattr(math, name): name for name in LIBM} | {np.ceil: "ceil"}
-"""Functions that C's of that name compute."""
+"""Python functions with a C function of the same result."""
 
 ROUNDINGS = {int: "", round: "rint", math.floor: "floor", math.ceil: "ceil"}
-"""What makes an integer of a number, and how C rounds it before."""
+"""Conversions of a number to an integer, and the C function that rounds it first."""
 
 POWERS = {2: "square", 3: "cube"}
-"""Whole powers, multiplied out as numba does."""
+"""Integer powers, multiplied out as numba does."""
 
 BINARY: dict[type[ast.operator], tuple[str, int]] = {
     ast.Add: ("+", ADD),
@@ -182,9 +182,9 @@ COMPARISONS: dict[type[ast.cmpop], tuple[str, Callable[[Any, Any], bool]]] = {
 
 
 def unbounded(value: Value) -> Value:
-    """Return what is rounded to an integer as the double that it was rounded to.
+    """Return the double of a value that was rounded to an integer.
 
-    An integer of Python's has room for more than an int of C.
+    Python's integers are unbounded, an int of C is not.
     """
     rounds = tuple(f"whole({name}(" for name in ("floor", "ceil", "rint"))
     if value.level == ATOM and value.text.startswith(rounds):
@@ -250,7 +250,7 @@ def compared(left: Value, op: ast.cmpop, right: Value) -> Value:
 
 
 def joined(parts: Sequence[Value], either: bool) -> Value:
-    """Return a disjunction or conjunction without the operands that are known."""
+    """Return a disjunction or conjunction without its constant operands."""
     sign, level = ("||", OR) if either else ("&&", AND)
     open_ = [part for part in parts if not part.decided]
     if any(part.decided and bool(part.known) == either for part in parts):
@@ -265,7 +265,7 @@ def called(function: Any, values: Sequence[Value]) -> Value:
     if function is float and values and isinstance(values[0].known, str):
         return constant(float(values[0].known))
     numbers = bool(values) and all(value.kind in NUMBERS for value in values)
-    require(numbers, "a function of numbers is wanted here")
+    require(numbers, "a function of numbers is needed here")
     first, single = values[0], len(values) == 1
     kind = "int" if all(value.kind == "int" for value in values) else "double"
     if function is bool and single:

@@ -1,4 +1,4 @@
-"""The compiled functions as a WebAssembly module, ready for npm, with types."""
+"""WebAssembly module of the compiled functions, ready for npm, with types."""
 
 import json
 from collections.abc import Callable
@@ -15,10 +15,10 @@ from qpavoid.export.entries import PREFIX, Shape, Unit, unit_of
 from qpavoid.export.values import TEMPLATES
 from qpavoid.types import Record
 
-FILES = ("qpavoid.c", "qpavoid.wasm", "qpavoid.js", "qpavoid.d.ts", "package.json")
+WASM_FILES = ("qpavoid.c", "qpavoid.wasm", "qpavoid.js", "qpavoid.d.ts", "package.json")
 
 TYPES = {"double": "number", "int": "number", "bool": "boolean", "void": "void"}
-"""In TypeScript."""
+"""Types of C in TypeScript."""
 
 
 def export_wasm(
@@ -29,19 +29,19 @@ def export_wasm(
     """Write some entries as C, WebAssembly, JavaScript and types; return the files.
 
     Args:
-        folder: Where to; made if it is not there.
-        functions: By name, as :data:`qpavoid.compiled.ENTRIES` has those of all modules
-            that are loaded.
+        folder: Target; created if missing.
+        functions: By name, such as :data:`qpavoid.compiled.ENTRIES`, those of all
+            loaded modules.
         say: Called with each step before it is done.
 
     Raises:
-        TranslationError: A compiled function does what cannot be written as C.
+        TranslationError: A compiled function cannot be written as C.
         MissingExtraError: zig is not installed.
     """
     say("1 of 2: translating the package to C, some seconds")
     target, unit = Path(folder), unit_of(functions)
     target.mkdir(parents=True, exist_ok=True)
-    source, module, script, types, package = (target / name for name in FILES)
+    source, module, script, types, package = (target / name for name in WASM_FILES)
     source.write_text(unit.text, encoding="utf-8")
     names = ["malloc", "free", *(PREFIX + one.name for one in unit.entries)]
     say("2 of 2: compiling it to WebAssembly, 1 to 3 minutes, once for these sources")
@@ -53,11 +53,11 @@ def export_wasm(
         template = Template((TEMPLATES / path.name).read_text(encoding="utf-8"))
         path.write_text(template.substitute(texts), encoding="utf-8")
     package.write_text(json.dumps(about(), indent=2) + "\n", encoding="utf-8")
-    return [target / name for name in FILES]
+    return [target / name for name in WASM_FILES]
 
 
 def about() -> dict[str, Any]:
-    """Return what npm wants to know."""
+    """Return the metadata for npm."""
     return {
         "name": "qpavoid",
         "version": own_version(),
@@ -66,12 +66,12 @@ def about() -> dict[str, Any]:
         "type": "module",
         "main": "qpavoid.js",
         "types": "qpavoid.d.ts",
-        "files": list(FILES[:-1]),
+        "files": list(WASM_FILES[:-1]),
     }
 
 
 def own_version() -> str:
-    """Return the version of the package; of one that is being built none is known."""
+    """Return the version of the package; 0.0.0 while it is being built."""
     try:
         return version("qpavoid")
     except PackageNotFoundError:
@@ -79,7 +79,7 @@ def own_version() -> str:
 
 
 def table(unit: Unit) -> dict[str, Any]:
-    """Return what a caller has to know of entries and records."""
+    """Return the description of entries and records for callers."""
     entries = {
         one.name: {
             "about": one.summary,
@@ -104,7 +104,7 @@ def described(shape: Shape) -> dict[str, Any]:
 
 
 def layout(record: Record) -> dict[str, Any]:
-    """Return where the fields of a record are, in bytes, and what they are."""
+    """Return offsets, in bytes, and kinds of the fields of a record."""
     fields = {
         name: {"offset": record.dtype.fields[name][1], "kind": kind_of(record, name)}
         for name in record.dtype.names or ()
@@ -119,7 +119,7 @@ def kind_of(record: Record, name: str) -> str:
 
 
 def declared(unit: Unit) -> str:
-    """Return the types of the entries and of all that they take, in TypeScript."""
+    """Return the types of the entries and of their arguments, in TypeScript."""
     named: dict[str, Shape] = {}
     for one in unit.entries:
         for shape in (*one.arguments, one.result):

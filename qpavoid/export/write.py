@@ -1,4 +1,4 @@
-"""The filter for one robot as C99 source, header and example."""
+"""Export of the filter for one robot: C99 source, header and example."""
 
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
@@ -23,20 +23,20 @@ from qpavoid.export.values import TEMPLATES, Value, c_number, constant, wrapped
 from qpavoid.model.capsules import CAPSULE_WIDTH, fill_capsules
 from qpavoid.model.robot import Robot, braking_twist, driven_twist
 
-FILES = ("qpavoid_filter.h", "qpavoid_filter.c", "main.c")
+C_FILES = ("qpavoid_filter.h", "qpavoid_filter.c", "main.c")
 STATUSES = (
     *(Status.TRACKING, Status.FILTERED, Status.RELAXED, Status.PLANNED),
     *(Status.STOPPED, Status.BRAKING, Status.HOLDING),
 )
-"""Of the exported filter, beside that of invalid data."""
+"""Statuses of the exported filter, without that of invalid data."""
 
 OBSTACLES = ("discs", "disc_velocities", "walls", "at_rest", "corners", "polygons")
-"""What the table of capsules is made of, in C."""
+"""Arguments of the table of capsules in C."""
 
 
 @dataclass(frozen=True)
 class Capacity:
-    """How many obstacles the exported filter takes at once.
+    """Greatest numbers of obstacles of the exported filter.
 
     Attributes:
         discs: Discs with velocities, at least 1.
@@ -57,9 +57,9 @@ class Capacity:
 
     def __post_init__(self) -> None:
         if self.discs < 1 or min(self.points, self.walls, self.polygons) < 0:
-            raise InvalidInputError("an export wants discs >= 1, and no number below 0")
+            raise InvalidInputError("an export needs discs >= 1, and no number below 0")
         if self.corners < 3 * self.polygons:
-            raise InvalidInputError("an export wants corners >= 3 for each polygon")
+            raise InvalidInputError("an export needs corners >= 3 for each polygon")
 
     @property
     def capsules(self) -> int:
@@ -67,7 +67,7 @@ class Capacity:
         return self.discs + self.walls + self.corners
 
     def rows(self, edges: int) -> int:
-        """Return the most rows of the QP, for a footprint of so many edges."""
+        """Return the greatest number of rows of the QP; ``edges``: of the footprint."""
         most = self.points + self.discs + self.walls * (2 + edges)
         return most + self.corners * (1 + edges)
 
@@ -81,19 +81,18 @@ def export_c(
 ) -> list[Path]:
     """Write the filter as C99 source and header with an example; return the files.
 
-    Besides them only libm is needed. The functions are translated from those that the
-    package itself runs, so that both compute the same; robot and settings are
-    constants.
+    They need only libm. The functions are translated from the package's own, so that
+    both compute the same; robot and settings are constants.
 
     Args:
-        folder: Where to; made if it is not there.
+        folder: Target; created if missing.
         robot: Footprint and limits.
         settings: As for :class:`qpavoid.SafetyFilter`.
-        capacity: How many obstacles at most.
+        capacity: Greatest numbers of obstacles.
         ahead: Look ahead, as :class:`qpavoid.SafetyFilter` does by default.
 
     Raises:
-        TranslationError: A compiled function does what cannot be written as C.
+        TranslationError: A compiled function cannot be written as C.
     """
     texts = {
         "version": version("qpavoid"),
@@ -110,10 +109,10 @@ def export_c(
     }
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
-    for name in FILES:
+    for name in C_FILES:
         template = Template((TEMPLATES / name).read_text(encoding="utf-8"))
         (target / name).write_text(template.substitute(texts), encoding="utf-8")
-    return [target / name for name in FILES]
+    return [target / name for name in C_FILES]
 
 
 def functions(
@@ -174,7 +173,7 @@ def constants(robot: Robot, settings: AvoidanceSettings) -> dict[str, Any]:
 
 
 def statuses() -> dict[str, str]:
-    """Return the statuses with their numbers, and their sentences."""
+    """Return the statuses with their numbers and sentences, in C."""
     numbers = {"INVALID": INVALID} | {status.name: status.number for status in STATUSES}
     return {
         "statuses": ",\n".join(f"    QPAVOID_{n} = {i}" for n, i in numbers.items()),

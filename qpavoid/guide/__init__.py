@@ -1,1 +1,1 @@
-"""The guide: a stage between tracking and filter that weighs the coming seconds."""
+"""Guide: a stage between tracking and filter that scores candidate motions."""

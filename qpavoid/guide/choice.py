@@ -1,10 +1,9 @@
-"""Choice: the candidate that comes nearest to the reference over the coming seconds.
+"""Choice of the candidate with the least cost over the coming seconds.
 
-Which side to take, how far to keep beside the reference, when to wait, to turn away or
-to back off: the least cost of a fixed list of candidates says it, and what was chosen
-before is left only for what is cheaper by more than the hysteresis. Of a pair of mirror
-images the one to the right comes first, and stays where both cost the same but for
-rounding. Where nothing moves the side to which the robot turned is kept for seconds.
+A fixed list of candidates covers the passing side, the offset from the reference,
+waiting, turning and backing off. The candidate driven so far is replaced only by one
+that is cheaper by more than the hysteresis. Of two mirror images of equal cost the one
+to the right is taken. If nothing moves, the side of a turn is retained for seconds.
 """
 
 import math
@@ -25,7 +24,7 @@ from qpavoid.guide.rollout import (
     roll_on,
 )
 from qpavoid.guide.steering import (
-    MOST,
+    TOP_TWIST,
     V,
     X,
     Y,
@@ -40,66 +39,64 @@ OFFSETS = (0.0, -0.35, 0.35, -0.7, 0.7, -1.1, 1.1, -1.6, 1.6, -2.2, 2.2)
 """m to the left of the reference."""
 
 PACES = (1.0, 0.7, 0.4, 0.15)
-"""Shares of the reference's pace."""
+"""Speeds relative to the reference's."""
 
 SPEEDS, TURNS = (0.0, -0.4, 0.45, 0.9), (0.0, -1.0, 1.0)
-"""Twists that are held: shares of the greatest speed, and rad/s."""
+"""Held twists: v relative to the greatest speed, and ω, rad/s."""
 
 HELD_TICKS = (5.0, 10.0, 20.0)
-"""For so long they are."""
+"""Ticks for which they are held."""
 
 STANDING = 2
-"""Number in the list of standing through the whole horizon: what a robot that does not
-get on prefers to turning left and right before what fills its way."""
+"""Index of the "stand still" candidate, which a stalled robot prefers to oscillating
+before a blocked path."""
 
 TRACKED_TICKS = 20.0
-"""For so long tracking is not weighed where the straight way is free after a stall: to
-a slow robot being near costs more than standing."""
+"""Ticks of tracking without a comparison when the straight path is free after a stall:
+for a slow robot the cost of proximity exceeds that of standing."""
 
 FINER = ((-0.15, 0.0), (0.15, 0.0), (0.0, 0.15), (0.0, -0.15))
-"""Changes of offset and pace that are looked at about the best."""
+"""Changes of offset and pace that are tried about the best candidate."""
 
 LESS = 1.0 - 1e-6
-"""Share of a cost below which another one is less: mirror images cost the same but for
-rounding, which must not take the side."""
+"""Relative tolerance of equal costs: mirror images differ by rounding."""
 
 FIRST = STANDING + 1
 FOLLOWS = len(OFFSETS) * len(PACES)
 HOLDS = len(SPEEDS) * len(TURNS) * len(HELD_TICKS)
 
-SLOW, LEFT_TO_GO = 0.05, 0.05
-"""m/s and m; a reference so slow, and so near to its end, has come to its goal: there
-the robot parks as soon as it can: what that takes first, a turn or backing off, seldom
-pays within a horizon."""
+GOAL_SPEED, LEFT_TO_GO = 0.05, 0.05
+"""m/s and m; speed and remaining length of a reference that has reached its goal. There
+the robot parks as soon as possible, since a turn or backing off seldom pays within a
+horizon."""
 
-LATEST, SOONER = 60, 10
-"""Ticks within which it must; by so many sooner something else must be than what is
-driven, and holding a twist first than parking at once."""
+PARK_LATEST, SOONER = 60, 10
+"""Ticks: latest arrival of parking; gain in time required of another candidate, and of
+holding a twist first."""
 
 BESIDE = 0.5
-"""m; nearer than this to its place the robot goes on wanting to park although it is not
-clear there, and the filter steps aside no farther than it must. Of a slow obstacle it
-steps aside itself."""
+"""m; distance from the goal within which the robot continues to park although it is not
+clear there; the filter evades no farther than necessary, and a slow obstacle by
+itself."""
 
 GENTLE, GENTLE_LEAST, PARKED = 3.0, 0.25, 2.0
-"""Greatest speed of axle and corners of a parked robot that steps aside and comes back,
-in speeds of the fastest obstacle in reach, and m/s; m from its place within which it
-counts as parked. The filter evades as fast as it must."""
+"""Greatest speed of axle and corners of a parked robot that evades and returns,
+relative to the fastest obstacle in reach, and its least value, m/s; m from the goal
+within which it counts as parked. The filter evades as fast as necessary."""
 
 FASTEST = GREATEST
-"""m/s; a pace that does not slow anything down."""
+"""m/s; a pace without effect."""
 
 KIND, A, B, LEFT, SIDE, PACE = range(6)
-"""Where the memory has the candidate that is driven, for how many ticks more it is, for
-how many the side to pass on is kept, as a number above 0 on the left, and the pace."""
+"""Layout of the memory: driven candidate, its remaining ticks, remaining ticks of the
+passing side (positive: left), and pace."""
 
-KEPT, OTHER = 30.0, 1.5
-"""Ticks for which that is, where nothing moves; factor of the cost of turning to the
-other side until then. Before what stands turning either way slows down, and so costs
-alike: it began on the one side and passed on the other."""
+SIDE_TICKS, OTHER = 30.0, 1.5
+"""Ticks for which the passing side is retained if nothing moves; cost factor of the
+other side meanwhile. Before a static obstacle both turns slow down and cost alike."""
 
 NOT_CHOSEN = -1.0
-"""A kind: none has been chosen yet."""
+"""Kind: no candidate chosen yet."""
 
 NONE = Candidate(NOT_CHOSEN, 0.0, 0.0, 0.0)
 
@@ -124,30 +121,30 @@ def listed(fastest: float, number: int) -> Candidate:
 
 @compiled
 def driven_candidate(chosen: Array) -> Candidate:
-    """Return the candidate that is remembered."""
+    """Return the candidate in memory."""
     return Candidate(chosen[KIND], chosen[A], chosen[B], chosen[LEFT])
 
 
 @compiled
 def stand_still(chosen: Array) -> None:
-    """Choose to stand for a tick."""
+    """Choose standing still for a tick."""
     chosen[KIND], chosen[A], chosen[B], chosen[LEFT] = HOLD, 0.0, 0.0, 1.0
 
 
 @compiled
 def track_on(chosen: Array) -> None:
-    """Choose to track for a while, unweighed as long as nothing moves."""
+    """Choose tracking for :data:`TRACKED_TICKS`, until something moves."""
     chosen[KIND], chosen[A], chosen[B], chosen[LEFT] = TRACK, 0.0, 1.0, TRACKED_TICKS
 
 
 @compiled_once
 def choose(course: Course, chosen: Array, waits: bool) -> None:
-    """Choose the candidate to drive, and remember it in place of the last one.
+    """Choose the candidate to drive, and store it.
 
     Args:
-        course: What is weighed.
-        chosen: The candidate remembered.
-        waits: Whether the robot does not get on, so that standing is preferred.
+        course: Rollout context.
+        chosen: The candidate driven so far; updated.
+        waits: Whether the robot makes no progress, so that standing is preferred.
     """
     still = not any_moves(course.scene)
     if chosen[KIND] == TRACK and chosen[LEFT] > 0.5:
@@ -166,23 +163,23 @@ def choose(course: Course, chosen: Array, waits: bool) -> None:
         x, y = course.ahead[0, X], course.ahead[0, Y]
         if best.kind == NOT_CHOSEN and x * x + y * y < BESIDE * BESIDE:
             fast = Course(scene, ahead, law, settings, FASTEST)
-            clears = arrival(fast, listed(0.0, 0), LATEST) < LATEST
+            clears = arrival(fast, listed(0.0, 0), PARK_LATEST) < PARK_LATEST
             if chosen[PACE] == FASTEST or clears:
                 best = listed(0.0, 0)
     if best.kind == NOT_CHOSEN:
         best = cheapest(course, chosen, waits)
     chosen[KIND], chosen[A], chosen[B], chosen[LEFT] = best
     if still and best.kind == FOLLOW and best.a != 0.0:
-        chosen[SIDE] = math.copysign(KEPT, best.a)
+        chosen[SIDE] = math.copysign(SIDE_TICKS, best.a)
     else:
         chosen[SIDE] -= min(max(chosen[SIDE], -1.0), 1.0)
 
 
 @compiled_once
 def gentle_pace(course: Course) -> float:
-    """Return the greatest speed, m/s, at which a parked robot leaves and comes back.
+    """Return the greatest speed, m/s, of a parked robot that evades and returns.
 
-    It is :data:`FASTEST` for a robot that is not parked, or among what stands.
+    :data:`FASTEST` for a robot that is not parked, or among static obstacles.
     """
     x, y, fastest = course.ahead[0, X], course.ahead[0, Y], 0.0
     for i in range(course.scene.bodies.shape[0]):
@@ -190,36 +187,36 @@ def gentle_pace(course: Course) -> float:
             fastest = max(fastest, body_at(course.scene, i).speed)
     pace, limits = max(GENTLE * fastest, GENTLE_LEAST), limits_of(course.scene.robot)
     near = x * x + y * y < PARKED * PARKED and has_come(course)
-    slow = 0.0 < fastest and pace < min(limits.v_max, MOST)
+    slow = 0.0 < fastest and pace < min(limits.v_max, TOP_TWIST)
     return pace if near and slow else FASTEST
 
 
 @compiled
 def side_share(candidate: Candidate, side: float) -> float:
-    """Return the factor of a candidate's cost for the side on which it passes."""
+    """Return the cost factor of a candidate for its passing side."""
     aside = candidate.b if candidate.kind == HOLD else candidate.a
     return OTHER if aside * side < 0.0 else 1.0
 
 
 @compiled
 def has_come(course: Course) -> bool:
-    """Return whether the reference is at its end, and not about to begin."""
+    """Return whether the reference rests at its end."""
     begin, end = course.ahead[0], course.ahead[-1]
     way = math.sqrt((end[X] - begin[X]) ** 2 + (end[Y] - begin[Y]) ** 2)
-    return bool(begin[V] < SLOW and way < LEFT_TO_GO)
+    return bool(begin[V] < GOAL_SPEED and way < LEFT_TO_GO)
 
 
 @compiled
 def ends(course: Course) -> bool:
-    """Return whether the reference ahead comes to its end."""
-    return bool(course.ahead[-1, V] < SLOW)
+    """Return whether the reference ahead ends."""
+    return bool(course.ahead[-1, V] < GOAL_SPEED)
 
 
 @compiled_once
 def soonest_parked(course: Course, chosen: Array) -> Candidate:
-    """Return what parks soonest, at once or after holding a twist; or :data:`NONE`."""
-    fastest, best = min(limits_of(course.scene.robot).v_max, MOST), NONE
-    soonest, kept = LATEST, driven_candidate(chosen)
+    """Return the candidate that parks soonest, at once or after a hold, or NONE."""
+    fastest, best = min(limits_of(course.scene.robot).v_max, TOP_TWIST), NONE
+    soonest, kept = PARK_LATEST, driven_candidate(chosen)
     for first in (kept, listed(fastest, 0)):
         if first.kind == PARK or first.kind == HOLD:
             found = arrival(course, first, soonest)
@@ -235,8 +232,8 @@ def soonest_parked(course: Course, chosen: Array) -> Candidate:
 
 @compiled_once
 def cheapest(course: Course, chosen: Array, waits: bool) -> Candidate:
-    """Return the candidate that comes nearest to the reference."""
-    s, fastest = course.settings[0], min(limits_of(course.scene.robot).v_max, MOST)
+    """Return the cheapest candidate."""
+    s, fastest = course.settings[0], min(limits_of(course.scene.robot).v_max, TOP_TWIST)
     best, cost = Candidate(TRACK, 0.0, 1.0, 0.0), math.inf
     if chosen[KIND] >= 0.0:
         best = driven_candidate(chosen)
@@ -265,7 +262,7 @@ def cheapest(course: Course, chosen: Array, waits: bool) -> Candidate:
 
 @compiled_once
 def twist_of(course: Course, candidate: Candidate, desired: Twist) -> Twist:
-    """Return what a candidate drives now; ``desired`` is that of tracking."""
+    """Return the twist of a candidate now; ``desired`` is that of tracking."""
     if candidate.kind == HOLD:
         return at_pace(course, (candidate.a, candidate.b))
     if candidate.kind == PARK:

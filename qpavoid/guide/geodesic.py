@@ -1,6 +1,6 @@
-"""Geodesic: how far every place of the grid is from a target, by passable places.
+"""Geodesic distance of the grid's cells to a target through free cells, robot frame.
 
-What guides the search of a way (:mod:`qpavoid.guide.way`), in the robot frame.
+Heuristic of the search in :mod:`qpavoid.guide.way`.
 """
 
 import math
@@ -8,25 +8,24 @@ from typing import NamedTuple
 
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.guide.heap import Item, drop_first, item_at, push
-from qpavoid.guide.room import AMPLE, FINE, Field, grid_size
+from qpavoid.guide.room import AMPLE, GRID_PITCH, Field, grid_size
 from qpavoid.model.capsules import Segment, axis_of
 from qpavoid.types import Array
 
-CELL = 2 * FINE
-"""m; pitch of the grid of places that the search tells apart."""
+CELL = 2 * GRID_PITCH
+"""m; pitch of the search grid."""
 
 TIGHT_COST = 5.0
-"""Greatest share added where there is little room: what is tight for the axle may not
-let a turn."""
+"""Greatest relative cost added for small margins, which may not allow a turn."""
 
 
 class Goal(NamedTuple):
-    """Where distances are measured to.
+    """Target of the distances.
 
     Attributes:
         x: m
         y: m
-        walls: Capsules; what a way from the grid's edge to a goal beyond goes round.
+        walls: Capsules, for detours outside the grid.
     """
 
     x: float
@@ -36,13 +35,13 @@ class Goal(NamedTuple):
 
 @compiled
 def cells_of(half: float) -> int:
-    """Return how many cells a side of the grid of places has."""
+    """Return the number of cells per side of the grid."""
     return (grid_size(half) + 1) // 2
 
 
 @compiled
 def _cross(wall: Segment, x: float, y: float) -> float:
-    """Return on which side of a wall's line a place is: the sign of the number."""
+    """Return a number whose sign is the side of a wall's line on which (x, y) is."""
     d_x, d_y = wall.x2 - wall.x1, wall.y2 - wall.y1
     return d_x * (y - wall.y1) - d_y * (x - wall.x1)
 
@@ -54,9 +53,9 @@ def _length(x: float, y: float) -> float:
 
 @compiled_once
 def way_beyond(goal: Goal, x: float, y: float) -> float:
-    """Return a bound on the way from a place to the goal, m: round each wall alone.
+    """Return a lower bound of the path length from (x, y) to the goal, m.
 
-    Straight, or, where an axis lies across, by the nearer of its ends.
+    Straight, or around the nearer end of the worst wall alone.
     """
     way, least = Segment(x, y, goal.x, goal.y), _length(goal.x - x, goal.y - y)
     for i in range(goal.walls.shape[0]):
@@ -74,17 +73,17 @@ def way_beyond(goal: Goal, x: float, y: float) -> float:
 
 @compiled_once
 def geodesic(field: Field, least: float, goal: Goal, cost: Array, heap: Array) -> None:
-    """Fill in the distance, m, from the grid's nodes to a goal by passable ones.
+    """Fill in the distance, m, from the grid's nodes to a goal through free ones.
 
-    Dijkstra over eight neighbours; passable is where the room is ``least`` or more. To
-    a goal beyond the grid the way leads over its edge, and on round the walls.
+    Dijkstra over eight neighbours; free nodes have a margin of ``least`` or more. Paths
+    to a goal outside the grid cross its border, and continue around the walls.
 
     Args:
-        field: Room.
+        field: Margins.
         least: m.
         goal: Robot frame.
         cost: (n, n) filled in.
-        heap: Memory for what is expanded next.
+        heap: Memory for the open nodes.
     """
     nodes, half, n, count = field.nodes, field.half, cost.shape[0], 0
     for i in range(n):

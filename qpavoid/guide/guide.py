@@ -1,4 +1,4 @@
-"""A robot on its way: reference, guide and filter in one call, without a scenario."""
+"""Guide: reference, candidate choice and filter in one call, without a scenario."""
 
 import math
 from dataclasses import replace
@@ -18,7 +18,7 @@ from qpavoid.guide.rest import EXACT, JUMP, Rest, beyond_band, is_driven
 from qpavoid.guide.rollout import ROWS, TICK, fill_ahead
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.guide.stage import GuideStage, Tracking, fresh_stage
-from qpavoid.guide.state import CLEAR, MODE, SEARCHING, STILL, Progress
+from qpavoid.guide.state import CLEAR, SEARCHING, STAGE_MODE, STILL, Progress
 from qpavoid.model.kinematics import TINY, arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
@@ -30,20 +30,20 @@ from qpavoid.tracking.station import StationKeeping, StationTracker
 from qpavoid.types import Array, Pose, Twist
 
 TURN_ONLY_WITHIN = 1e-6
-"""m; a goal so near is turned to, no more."""
+"""m; distance of a goal to which the robot only turns."""
 
-MOST_STEPS = 1_000_000
+PATH_STEPS = 1_000_000
 """Control steps of a path: 5.5 h at 0.02 s, 40 MB."""
 
-SAME = 0.05
-"""m and rad; a goal, or points of a path, so near to those before are the same."""
+SAME_PATH = 0.05
+"""m and rad; tolerance of equal goals, or points of a path."""
 
 STRAYED = 3.0
-"""m; a robot so far from its reference gets a new plan when its goal is sent again."""
+"""m from the reference beyond which a goal that is sent again is planned anew."""
 
 CHANGED = 0.1
-"""m by which clearance or way left change before a robot that stands near its goal,
-since it comes no nearer, tries again."""
+"""m of change in clearance or remaining distance after which a robot that gave up near
+its goal tries again."""
 
 
 class Asked(NamedTuple):
@@ -58,13 +58,13 @@ class Asked(NamedTuple):
     speed: float
 
     def is_like(self, other: "Asked") -> bool:
-        """Return whether two tasks are the same but for :data:`SAME`."""
+        """Return whether two tasks are equal within :data:`SAME_PATH`."""
         if self.given.shape != other.given.shape or self.speed != other.speed:
             return False
         off = np.abs(self.given - other.given)
         if off.shape == (3,):
             off[2] = abs(wrap_angle(off[2]))
-        return bool((off <= SAME).all())
+        return bool((off <= SAME_PATH).all())
 
 
 def as_speed(value: float) -> float:
@@ -80,25 +80,25 @@ def as_speed(value: float) -> float:
 
 
 def memory_ahead(settings: GuideSettings | None) -> Array:
-    """Return memory for the reference ahead: rows for a guide, none without one."""
+    """Return memory for the reference ahead; without rows if there is no guide."""
     return np.empty((0 if settings is None else ROWS, 5))
 
 
 def standing(pose: Pose | Array) -> Array:
-    """Return a plan, (2, 5), that stands at a pose."""
+    """Return a plan, (2, 5), at rest at a pose."""
     return np.tile([*pose, 0.0, 0.0], (2, 1))
 
 
 def rows_of(path: Path, dt: float) -> Array:
-    """Return the rows of a path, (n, 5), one a control step.
+    """Return the rows of a path, (n, 5), one per control step.
 
     Raises:
-        InvalidInputError: It lasts less than 0 s or more than :data:`MOST_STEPS`, or
+        InvalidInputError: It lasts less than 0 s or more than :data:`PATH_STEPS`, or
             does not sample as many rows of finite numbers.
     """
     duration = as_number(getattr(path, "duration", 0.0), "a path's duration")
-    if not 0.0 <= duration <= MOST_STEPS * dt:
-        raise InvalidInputError(f"a path must last 0 to {MOST_STEPS * dt:g} s")
+    if not 0.0 <= duration <= PATH_STEPS * dt:
+        raise InvalidInputError(f"a path must last 0 to {PATH_STEPS * dt:g} s")
     times: Array = dt * np.arange(math.ceil(duration / dt) + 2, dtype=np.float64)
     rows = as_rows(path.sample(times), 5, "what a path samples")
     if len(rows) != len(times) or not np.isfinite(rows).all():
@@ -107,12 +107,12 @@ def rows_of(path: Path, dt: float) -> Array:
 
 
 class PathTracking:
-    """A tracker on its way along a plan: what a stage is told at every step.
+    """Tracking of a plan: tracker, clock, and the input of a stage.
 
     Attributes:
-        plan: (n, 5) the reference, world frame, a row a control step.
-        target: Where the robot was to be in the last step, world frame.
-        place: Progress there, in control steps.
+        plan: (n, 5) the reference, world frame, one row per control step.
+        target: Reference of the last step, world frame.
+        place: Its progress, in control steps.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class PathTracking:
         self._ahead = memory_ahead(stage)
 
     def follow(self, plan: Array, place: float = 0.0) -> None:
-        """Follow a plan from a place on, in rows."""
+        """Follow a plan from ``place`` on, in rows."""
         self.plan, self.place = plan, place
         self._follow = self._waiting.start(plan, place)
 
@@ -133,7 +133,7 @@ class PathTracking:
 
     @property
     def row(self) -> int:
-        """Row of the plan where the reference is in the next step."""
+        """Row of the plan of the reference in the next step."""
         return min(int(self.place) + 1, len(self.plan) - 1)
 
     @property
@@ -143,7 +143,7 @@ class PathTracking:
         return x, y, heading
 
     def step(self, pose: Pose, driven: Twist) -> Tracking:
-        """Return what tracking does for one control step, and move the clock on."""
+        """Return the tracking of one control step, and advance the clock."""
         target, self.place = self._follow(pose)
         fill_ahead(self.plan, self.place, pose, TICK / self._dt, self._ahead)
         self.target, desired = target, self._track(pose, target)
@@ -152,17 +152,16 @@ class PathTracking:
 
 
 class Guide:
-    """Follows a path, or goes to a pose, among obstacles: one filter for one robot.
+    """Path following, or motion to a pose, among obstacles: one filter for one robot.
 
-    The path's clock waits for the robot. Where it is, and where it will be in the
-    seconds to come, is weighed against what stands and moves there
-    (:mod:`qpavoid.guide.stage`), and what is chosen goes through the safety filter,
-    which has the last word: its promises hold, whatever the guide wants.
+    The path's clock waits for the robot. Candidates for the coming seconds are scored
+    against static and moving obstacles (:mod:`qpavoid.guide.stage`); the chosen twist
+    goes through the safety filter, whose guarantees hold for any desired twist.
 
     Args:
         robot: Footprint and limits.
         settings: Of the filter; its ``dt`` is the control step.
-        guide: What is weighed, and when the robot is stalled and blocked.
+        guide: Of the candidates, and of stall and block.
 
     Attributes:
         robot: Footprint and limits.
@@ -203,20 +202,20 @@ class Guide:
         """Follow a path.
 
         It may be sent again at any time. The same path, each point within
-        :data:`SAME`, changes nothing. Another one to the same goal is followed from
-        where the robot is on it, and stall and detour go on; one that begins closely
-        behind the robot from there; any other from its beginning.
+        :data:`SAME_PATH`, changes nothing. Another one to the same goal is followed
+        from the robot's position on it, with the states of stall and detour; one that
+        begins closely behind the robot from there; any other from its beginning.
 
         Args:
-            path: World frame; or (n, 2) way-points, m, of a smooth one. That begins
-                with the speed that was driven last.
-            speed: Greatest on way-points, m/s, in all that the guide does; only to
-                evade, the filter may drive faster. A :class:`Path` has its own.
+            path: World frame; or (n, 2) way-points, m, of a smooth one, which begins
+                with the speed driven last.
+            speed: Greatest on way-points, m/s; only to evade, the filter may drive
+                faster. A :class:`Path` has its own.
 
         Raises:
             InvalidInputError: Fewer than two distinct way-points, numbers that are not
-                finite, a path that lasts more than :data:`MOST_STEPS`, or a speed
-                within the dead band of the motors. The path before stays.
+                finite, a path that lasts more than :data:`PATH_STEPS`, or a speed
+                within the dead band of the motors. The previous path is kept.
         """
         speed = self._as_speed(speed)
         if isinstance(path, Path):
@@ -234,30 +233,31 @@ class Guide:
         self._begin(plan, asked)
 
     def go_to(self, pose: Pose, goal: Pose, speed: float = 0.5) -> None:
-        """Go from a pose to another one, straight where that is free; world frame.
+        """Go from a pose to another one, straight if that is free; world frame.
 
-        It may be sent again at any time: to a goal near the last one the robot goes on
-        from where it is, stall and detour, too.
+        It may be sent again at any time: to a goal near the last one the robot
+        continues, with the states of stall and detour.
 
         Args:
             pose: Of the robot.
-            goal: Where it is to be.
+            goal: Target pose.
             speed: Greatest, m/s, as of :meth:`follow`.
 
         Raises:
             InvalidInputError: A pose is not three finite numbers, or the speed not
-                positive, or within the dead band of the motors. The path before stays.
+                positive, or within the dead band of the motors. The previous path is
+                kept.
         """
         start, end = as_pose(pose, "pose"), as_pose(goal, "goal")
         self._go(start, Asked(np.array(end), self._as_speed(speed)))
 
     def stay(self, pose: Pose) -> None:
-        """Stay at a pose, world frame, and come back to it."""
+        """Stay at a pose, world frame, and return to it after evading."""
         end = as_pose(pose, "pose")
         self._go(self._pose or end, Asked(np.array(end), math.inf))
 
     def _go(self, start: Pose, asked: Asked) -> None:
-        """Go straight to a goal, or stay there if no speed is asked for."""
+        """Go straight to a goal; at speed 0 stay there."""
         end = as_pose(asked.given, "goal")
         plan, strayed = standing(end), self._has_strayed(start)
         if not strayed and asked.is_like(self._asked):
@@ -281,24 +281,24 @@ class Guide:
         return speed
 
     def _planned(self, points: Array, speed: float, turn: float = 0.0) -> Array:
-        """Return the rows of a path, one a control step; it begins at an angle."""
+        """Return the rows of a path, one per control step; it begins at an angle."""
         begin = min(max(self._driven[0] * math.cos(turn), 0.0), speed)
         return rows_of(SplinePath(points, speed, begin=begin), self.settings.dt)
 
     def _has_strayed(self, pose: Pose | None) -> bool:
         """Return whether a robot is far from its reference, and on no detour."""
-        if pose is None or self._state[MODE] != CLEAR:
+        if pose is None or self._state[STAGE_MODE] != CLEAR:
             return False
         far = AT_GOAL if self._path.has_ended else STRAYED
         return math.dist(pose[:2], self._path.reference[:2]) > far
 
     def _leads_on(self, plan: Array, asked: Asked) -> bool:
-        """Return whether a plan leads to about the goal of the one under way."""
+        """Return whether a plan leads to about the present goal."""
         same_kind = asked.given.ndim == self._asked.given.ndim
         return same_kind and math.dist(self._path.plan[-1, :2], plan[-1, :2]) <= AT_GOAL
 
     def _begin(self, plan: Array, asked: Asked) -> None:
-        """Follow a plan from where the robot, or the reference before, is on it."""
+        """Follow a plan from the row of the robot, or of the last reference."""
         old, headway, limits = self._path, self._headway, self.robot.limits
         kept, place, speed = self._leads_on(plan, asked), 0, asked.speed
         ended = asked.given.ndim == 2 and old.has_ended
@@ -325,7 +325,7 @@ class Guide:
         self._stage, self._asked = stage.start(self._state), asked
 
     def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
-        """Forget what was driven; the robot drives (v, ω), or the nearest it can.
+        """Reset the state; the robot drives (v, ω), cut to its limits.
 
         Raises:
             InvalidInputError: Not two finite numbers.
@@ -335,7 +335,7 @@ class Guide:
         self._rest.forget()
 
     def left(self, pose: Pose) -> tuple[float, float]:
-        """Return how far the end of the path is from a pose, m and rad."""
+        """Return the distance of the end of the path from a pose, m and rad."""
         e_x, e_y, turn = tracking_error(as_pose(pose, "pose"), self._end)
         return math.hypot(e_x, e_y), abs(turn)
 
@@ -354,22 +354,21 @@ class Guide:
         stamps: Stamps | None = None,
         on_error: Literal["raise", "brake"] = "raise",
     ) -> Decision:
-        """Return the twist to drive for the coming control step.
+        """Return the twist for the coming control step.
 
-        ``blocked`` where the robot has not come nearer to the goal for
-        ``blocked_time``, and stands.
+        ``blocked`` if the robot has made no progress to the goal for ``blocked_time``,
+        and stands.
 
         Args:
             pose: Of the robot, world frame: x, y (m), γ (rad).
             obstacles: Robot frame; or (N, 2) points alone, m.
-            driven: (v, ω) that the robot drives at present, as measured. Without it the
-                guide takes its last twist as driven: after an emergency stop it then
-                goes on with the speed before.
+            driven: Measured (v, ω). Default the guide's last twist: after an emergency
+                stop it then continues with the speed before.
             age: s since the obstacles were measured.
             stamps: When pose and obstacles were measured; checked as by
                 :meth:`qpavoid.avoidance.filter.SafetyFilter.step`.
-            on_error: ``brake``: whatever is wrong is a decision ``invalid`` with its
-                ``problem``, and the same latch and braking as of that method.
+            on_error: ``brake``: any fault gives a decision ``invalid`` with its
+                ``problem``, with the latch and braking of that method.
 
         Raises:
             InvalidInputError: A number is not finite, or a shape does not fit.
@@ -402,10 +401,10 @@ class Guide:
         return blocked_if(decision, self._blocked)
 
     def _motors_driven(self, driven: Any) -> Any:
-        """Return what counts as driven: inside the dead band the twist given last.
+        """Return the measured twist; inside the dead band the last one commanded.
 
-        There the motors do not move, whatever they are given; from what is measured
-        the accelerations would never lead out of it.
+        There the motors do not move for any command, and accelerations relative to the
+        measured twist would never leave it.
         """
         limits, given = self.robot.limits, self._safety._last
         found = caught(as_driven, driven, self._limits)
@@ -417,14 +416,14 @@ class Guide:
     def _desire(
         self, pose: Pose, obstacles: Any, driven: Any
     ) -> tuple[float, float, Obstacles]:
-        """Return the twist that the guide desires, and the obstacles."""
+        """Return the desired twist of the guide, and the obstacles."""
         at = as_pose(pose, "pose")
         seen = obstacles if isinstance(obstacles, Obstacles) else Obstacles(obstacles)
         if driven is not None:
             self._driven = as_driven(driven, self._limits)
         before, self._pose = self._pose or at, at
         x, y, _ = arc(*before, *self._driven, self.settings.dt)
-        if math.dist((x, y), at[:2]) > JUMP:  # moved by somebody, or localised anew
+        if math.dist((x, y), at[:2]) > JUMP:  # moved by hand, or relocalised
             self._headway.restart()
         if self._path.has_ended:
             at = self._rest.see(at, self._driven, self._end)
@@ -440,31 +439,31 @@ class Guide:
         return *beyond_band(v, omega, self.robot.limits), seen
 
     def _note(self, at: Pose, seen: Obstacles, tracking: Tracking) -> bool:
-        """Note progress to the goal; return whether the robot resigns near it.
+        """Register progress to the goal; return whether the robot gives up near it.
 
-        Without progress the stage is stalled, and searches for a way, whatever the
-        robot drives; near its goal it stands as long as nothing changes there.
+        Without progress the stage is stalled and searches for a detour, for any motion
+        of the robot; near its goal the robot stands until something changes there.
         """
         s, headway, state = self._guide, self._headway, self._state
-        was, self._mode = self._mode, state[MODE]
+        was, self._mode = self._mode, state[STAGE_MODE]
         near = moves_near(seen)
         if near and self._path.has_ended:
-            # A robot that evades at its goal is not expected to come nearer to it.
+            # A robot that evades at its goal makes no progress to it.
             headway.restart()
         headway.note(at, self.settings.dt)
         e_x, e_y, turn = tracking.error
         off = max(math.hypot(e_x, e_y), abs(turn))
         at_goal = self._path.has_ended and headway.left < AT_GOAL
-        found = was == SEARCHING and state[MODE] != SEARCHING and not at_goal
+        found = was == SEARCHING and state[STAGE_MODE] != SEARCHING and not at_goal
         if found or off < (EXACT if self._path.has_ended else s.tolerance):
             headway.time = 0.0
-        if state[MODE] == SEARCHING:
+        if state[STAGE_MODE] == SEARCHING:
             state[STILL] = max(state[STILL], headway.time)
         late = headway.time >= (1.0 if at_goal else 0.5) * s.blocked_time
         late = (late or self._resigned is not None) and not near
-        if late and not at_goal and state[MODE] == CLEAR:
+        if late and not at_goal and state[STAGE_MODE] == CLEAR:
             state[STILL] = max(state[STILL], s.stall_time)
-        # Where nothing hinders it, a slow robot comes to its goal sooner or later.
+        # Without obstacles a slow robot reaches its goal eventually.
         hindered = self._clearance < AT_GOAL or self.robot.limits.dead != (0.0, 0.0)
         if not (late and at_goal and hindered):
             self._resigned = None

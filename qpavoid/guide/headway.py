@@ -1,7 +1,7 @@
-"""Headway: way left to the goal along a plan, and time without progress.
+"""Progress monitor: remaining length of a plan, and time without progress.
 
-The way left is that of the plan from its row nearest to the robot, plus the distance to
-that row: turning to and fro or shunting does not reduce it.
+The remaining length is that of the plan from its row nearest to the robot, plus the
+distance to that row: oscillation does not reduce it.
 """
 
 import math
@@ -14,29 +14,29 @@ from qpavoid.model.obstacles import Obstacles
 from qpavoid.types import Array, Pose
 
 EVERY = 0.1
-"""s between two looks at a plan."""
+"""s; spacing of the samples of a plan."""
 
-WINDOW = 3.0
-"""m along the plan from the last nearest row to the next one, at most."""
+SEARCH_WINDOW = 3.0
+"""m along the plan within which the next nearest row is searched."""
 
 BEHIND = 1.0
-"""m; a path that begins so near behind the robot is not driven from its beginning."""
+"""m; distance behind the robot of a path's beginning that is skipped."""
 
 BAND = 0.1
-"""m; rows so much farther off than the nearest one may be where the robot is, too: a
-path may cross itself."""
+"""m; rows so much farther than the nearest one are candidates, too: a path may cross
+itself."""
 
 AT_GOAL = 0.5
-"""m from the goal within which the heading counts, and smaller progress does."""
+"""m from the goal within which heading counts, and smaller progress suffices."""
 
 TURN_WEIGHT = 0.3
-"""m of way that a radian to turn counts at the goal."""
+"""m of length that a radian of heading error counts at the goal."""
 
-FAR, SOON = 3.0, 3.0
-"""m, and s: what moves is near if it can be within that distance by then."""
+NEAR_DISTANCE, NEAR_TIME = 3.0, 3.0
+"""m, and s; a moving obstacle is near if it can be within that distance by then."""
 
-SHARE, LEAST = 0.5, 0.05
-"""Share of the way left, and m, that are progress at the goal."""
+PROGRESS_SHARE, PROGRESS_LEAST = 0.5, 0.05
+"""Relative and absolute (m) reduction of the length that is progress at the goal."""
 
 
 def lengths(plan: Array) -> Array:
@@ -50,9 +50,9 @@ def start_row(plan: Array, pose: Pose, left: float | None = None) -> int:
 
     Args:
         plan: (n, 5) reference, world frame.
-        pose: Of the robot, or its reference before, world frame.
-        left: m that are left of the way to the same goal on a plan before: the row is
-            the nearest. None: a new plan, followed from its beginning unless that lies
+        pose: Of the robot, or its last reference, world frame.
+        left: Remaining length, m, on the last plan to the same goal: the row is the
+            nearest. None: a new plan, followed from its beginning unless that lies
             closely behind the robot.
     """
     along, away = lengths(plan), np.hypot(*(plan[:, :2] - pose[:2]).T)
@@ -74,19 +74,19 @@ def moves_near(seen: Obstacles) -> bool:
     speeds = np.hypot(rows[:, V_X], rows[:, V_Y])
     ends = np.hypot(rows[:, [X1, X2]], rows[:, [Y1, Y2]])
     moves = (speeds > 0.0) | (rows[:, TURN] != 0.0)
-    return bool((moves & (ends.min(axis=1) < FAR + SOON * speeds)).any())
+    return bool((moves & (ends.min(axis=1) < NEAR_DISTANCE + NEAR_TIME * speeds)).any())
 
 
 class Headway:
-    """Clock of progress along a plan.
+    """Monitor of progress along a plan.
 
     Attributes:
-        left: Way left, m.
+        left: Remaining length, m.
         time: s since it was last reduced by ``progress``.
 
     Args:
         plan: (n, 5) reference, world frame.
-        place: Row where the robot begins.
+        place: First row.
         progress: m.
     """
 
@@ -100,12 +100,12 @@ class Headway:
         self._wait = 0.0
 
     def note(self, pose: Pose, dt: float) -> None:
-        """Note where the robot is after a step of dt, world frame."""
+        """Update with the robot's pose after a step of dt, world frame."""
         self.time, self._wait = self.time + dt, self._wait - dt
         if self._wait > 0.0:
             return
         self._wait = EVERY
-        window = np.abs(self._along - self._at) <= WINDOW
+        window = np.abs(self._along - self._at) <= SEARCH_WINDOW
         away = np.hypot(*(self._xy - pose[:2]).T)
         row = int(np.where(window, away, math.inf).argmin())
         self._at, end = self._along[row], self._along[-1]
@@ -115,14 +115,14 @@ class Headway:
         self.left = float(end - self._at + away[row])
         left, enough = self.left + TURN_WEIGHT * turn, self._progress
         if away[-1] < AT_GOAL:
-            enough = min(enough, max(SHARE * self._best, LEAST))
+            enough = min(enough, max(PROGRESS_SHARE * self._best, PROGRESS_LEAST))
         if left < self._best - enough:
             self._best, self.time = left, 0.0
 
     def restart(self) -> None:
-        """Begin anew from where the robot is."""
+        """Restart from the present pose."""
         self.time, self._best = 0.0, math.inf
 
     def take_over(self, other: "Headway") -> None:
-        """Go on with the clock of a plan to about the same goal."""
+        """Take over the state of the monitor of a plan to about the same goal."""
         self.time, self._best = other.time, max(other._best, self.left)

@@ -1,4 +1,4 @@
-"""A binary heap in rows of a table: what is expanded next, least cost first."""
+"""Binary heap in the rows of a table: the open list of a search."""
 
 from typing import NamedTuple
 
@@ -7,10 +7,10 @@ from qpavoid.types import Array
 
 
 class Item(NamedTuple):
-    """What waits, in the order of its fields.
+    """An entry, ordered by its fields.
 
     Attributes:
-        cost: By which it comes first.
+        cost: First key.
         i: Of a cell, or the number of a node.
         j: Of a cell.
     """
@@ -25,7 +25,7 @@ HEAP_WIDTH = 3
 
 @compiled
 def item_at(heap: Array, row: int) -> Item:
-    """Return what waits in a row."""
+    """Return the entry of a row."""
     return Item(heap[row, 0], int(heap[row, 1]), int(heap[row, 2]))
 
 
@@ -37,7 +37,7 @@ def set_item(heap: Array, row: int, item: Item) -> None:
 
 @compiled
 def is_before(one: Item, other: Item) -> bool:
-    """Return whether one item comes before another, as tuples do."""
+    """Return whether an entry is before another one, in the order of tuples."""
     if one.cost != other.cost:
         return one.cost < other.cost
     if one.i != other.i:
@@ -47,7 +47,7 @@ def is_before(one: Item, other: Item) -> bool:
 
 @compiled_once
 def push(heap: Array, count: int, item: Item) -> int:
-    """Add an item to so many, and return how many there are then."""
+    """Add an entry to ``count`` entries; return their new number."""
     row = count
     while row > 0:
         above = (row - 1) // 2
@@ -61,7 +61,7 @@ def push(heap: Array, count: int, item: Item) -> int:
 
 @compiled_once
 def drop_first(heap: Array, count: int) -> int:
-    """Take the first of so many items out, and return how many are left."""
+    """Remove the first of ``count`` entries; return their new number."""
     last, row = item_at(heap, count - 1), 0
     while 2 * row + 1 < count - 1:
         below = 2 * row + 1

@@ -1,9 +1,9 @@
-"""Rest: the pose by which a robot parks, smoothed, and held as long as that is enough.
+"""Smoothed pose of a parking robot.
 
-Near its place the robot is where it was a step ago, moved by the twist driven, and some
-of the way towards where localisation has it: the mean over :data:`MEAN` s. At rest it
-is driven again only if that mean is off by more than the noise of the localisation, as
-measured, and than the least motion of the motors.
+Near its goal the pose is the prediction with the driven twist, corrected towards the
+localisation: the mean over :data:`MEAN` s. At rest the robot is driven again only if
+that mean is off by more than the measured noise of the localisation, and than the least
+motion of the motors.
 """
 
 import math
@@ -14,20 +14,21 @@ from qpavoid.model.robot import Limits
 from qpavoid.tracking.kanayama import tracking_error
 from qpavoid.types import Pose, Twist
 
-NEAR = 0.3
-"""m from the place within which poses are smoothed."""
+REST_RADIUS = 0.3
+"""m from the goal within which poses are smoothed."""
 
 MEAN, FIRST = 3.0, 0.5
-"""s over which; s that a robot at rest, about at its place, waits for a first mean."""
+"""s; averaging time; time that a robot at rest near its goal waits for a first mean."""
 
 JUMP = 0.1
-"""m or rad; a pose farther from where the robot should be is no noise: it was moved."""
+"""m or rad; error of the prediction from which on a pose is no noise: the robot was
+moved."""
 
 SLOW = 0.01, 0.03
-"""m/s and rad/s; a robot that is measured to drive less is at rest."""
+"""m/s and rad/s; measured twist below which the robot is at rest."""
 
 EXACT = 1e-6
-"""m or rad; less is rounding."""
+"""m or rad; tolerance for rounding."""
 
 
 def is_driven(v: float, omega: float, limits: Limits) -> bool:
@@ -36,10 +37,9 @@ def is_driven(v: float, omega: float, limits: Limits) -> bool:
 
 
 def beyond_band(v: float, omega: float, limits: Limits) -> Twist:
-    """Return a twist that is raised along its arc to the edge of the dead band.
+    """Return a twist scaled up along its arc to the edge of the dead band.
 
-    Where only one of its parts has a dead band that part is rounded: to zero, or to the
-    edge, whichever is nearer.
+    If only one component has a dead band, it is rounded to zero or the edge.
     """
     v_dead, omega_dead = limits.dead
     if v_dead > 0.0 and omega_dead > 0.0:
@@ -66,19 +66,19 @@ class Rest:
         self.forget()
 
     def forget(self) -> None:
-        """Forget all poses."""
+        """Reset all poses."""
         self._pose, self._count = (0.0, 0.0, 0.0), 0
         self._squares: tuple[float, ...] = 0.0, 0.0
 
     def see(self, pose: Pose, driven: Twist, place: Pose) -> Pose:
-        """Return the pose to steer by; the place itself where the robot is to rest.
+        """Return the pose for control; ``place`` itself if the robot is to rest.
 
         Args:
-            pose: As localised, world frame.
+            pose: Localised, world frame.
             driven: Twist driven since the last call, m/s and rad/s.
-            place: Where it parks, world frame.
+            place: Goal, world frame.
         """
-        if math.dist(pose[:2], place[:2]) > NEAR:
+        if math.dist(pose[:2], place[:2]) > REST_RADIUS:
             self.forget()
             return pose
         self._smooth(pose, driven)
@@ -92,7 +92,7 @@ class Rest:
         return place if far < level and abs(turn) < turn_level else self._pose
 
     def _smooth(self, pose: Pose, driven: Twist) -> None:
-        """Take a pose into the mean, and its error into the noise."""
+        """Update the mean with a pose, and the noise with its error."""
         told = arc(*self._pose, *driven, self._dt)
         e_x, e_y, turn = tracking_error(told, pose)
         off = math.hypot(e_x, e_y)

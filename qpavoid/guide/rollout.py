@@ -1,14 +1,14 @@
-"""Rollouts of candidates: where a robot gets that goes on in closed loop, at what cost.
+"""Rollouts of candidates in closed loop, and their costs.
 
-A *candidate* is something to do for the next seconds: to track the reference by the
-tracking law; to follow it at an offset to its left and at a share of its pace; or to
-hold a twist for a while and track then. It is driven on in ticks of 0.1 s, within the
-robot's limits, among bodies that keep their velocities, and costs per tick
+A *candidate* is a behaviour for the next seconds: tracking the reference by the
+tracking law; following it at an offset to its left and a share of its pace; or holding
+a twist for a while and tracking then. It is simulated in ticks of 0.1 s, within the
+robot's limits, among bodies of constant velocity, with a cost per tick of
 
-    |p − r|² + heading·(1 − cos Δγ) + near·(soft − room)²₊ + deep·(−room)₊
+    |p − r|² + heading·(1 − cos Δγ) + near·(soft − m)²₊ + deep·(−m)₊
 
-with r the place of the reference at that time, pulled in to what the robot could reach
-by then, and room the clearance less r_min; and more, the sooner, for going within it.
+with r the reference at that time, limited to what the robot can reach by then, m the
+margin (clearance − r_min), and an additional cost, larger for earlier times, of m < 0.
 Robot frame of the present.
 """
 
@@ -24,8 +24,8 @@ from qpavoid.avoidance.scene import Scene
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.guide.steering import (
     HEADING,
-    MOST,
     OMEGA,
+    TOP_TWIST,
     V,
     X,
     Y,
@@ -41,26 +41,26 @@ from qpavoid.tracking.station import track_step
 from qpavoid.types import Array, MatrixWritten, Pose, Sizes, Twist
 
 TICK = 0.1
-"""s of a rollout."""
+"""s; step of a rollout."""
 
 ROWS = 61
-"""So many of them: who follows looks farther than the horizon."""
+"""Ticks of the reference ahead, more than the horizon."""
 
 TRACK, FOLLOW, HOLD, PARK = 0.0, 1.0, 2.0, 3.0
 """Kinds of candidates."""
 
 STAY = 15
-"""Ticks at its pose for which who parks there wants to be clear of all."""
+"""Ticks for which a parking place has to be clear."""
 
 GRAZE, DEEP = 5e-3, 0.15
-"""m within r_min: so little is rounding, and so much ends a rollout."""
+"""m within r_min: tolerance for rounding, and violation that ends a rollout."""
 
-LOST = 1e3
-"""Cost of a tick after that."""
+VIOLATION_COST = 1e3
+"""Cost per tick after such a violation."""
 
 
 class Candidate(NamedTuple):
-    """What to do for the next seconds.
+    """Behaviour for the next seconds.
 
     Attributes:
         kind: :data:`TRACK`, :data:`FOLLOW`, :data:`HOLD` or :data:`PARK`.
@@ -76,11 +76,11 @@ class Candidate(NamedTuple):
 
 
 class Course(NamedTuple):
-    """What all rollouts of a step share.
+    """Rollout context: data shared by all rollouts of a step.
 
     Attributes:
         scene: Bodies, robot, twist driven last.
-        ahead: (n, 5) the reference at its own pace, a row a tick.
+        ahead: (n, 5) the reference at its own pace, one row per tick.
         law: Of the tracker.
         settings: One :data:`qpavoid.guide.settings.RECORD`.
         pace: Greatest speed of axle and corners, m/s.
@@ -95,7 +95,7 @@ class Course(NamedTuple):
 
 @compiled_once
 def room_at_pose(scene: Scene, at: Frame, time: float, enough: float) -> float:
-    """Return the least room of all bodies for a robot at a pose at a time, m."""
+    """Return the least margin of all bodies at a robot pose and time, m."""
     least, radius = enough, limits_of(scene.robot).circumradius
     for i in range(scene.bodies.shape[0]):
         body = body_at(scene, i)
@@ -123,7 +123,7 @@ def _fill_ahead_fits(
     stride: float,
     ahead: Annotated[MatrixWritten, Sizes(0, 5)],
 ) -> bool:
-    """Return whether all are places, or beyond the last one."""
+    """Return whether all rows have a valid place in the plan."""
     end = place + stride * ahead.shape[0]
     return 0.0 <= place < LAST_ROW and 0.0 <= end < LAST_ROW
 
@@ -137,13 +137,13 @@ def fill_ahead(
     stride: float,
     ahead: Annotated[MatrixWritten, Sizes(0, 5)],
 ) -> None:
-    """Fill in the reference ahead, robot frame, a row a tick from a place on.
+    """Fill in the reference ahead, robot frame, one row per tick, from ``place`` on.
 
     Args:
-        plan: As :func:`qpavoid.tracking.clock.row_at` takes it, world frame.
+        plan: See :func:`qpavoid.tracking.clock.row_at`, world frame.
         place: Of the first row, in control steps.
         pose: Of the robot, world frame.
-        stride: Control steps in a tick.
+        stride: Control steps per tick.
         ahead: (m, 5).
     """
     x, y, heading = pose
@@ -158,7 +158,7 @@ def fill_ahead(
 
 @compiled
 def at_pace(course: Course, twist: Twist) -> Twist:
-    """Return a twist slowed down along its arc: axle and corners keep to the pace."""
+    """Return a twist scaled along its arc: axle and corners within the pace."""
     corner = limits_of(course.scene.robot).circumradius * abs(twist[1])
     share = course.pace / max(abs(twist[0]), corner, course.pace)
     return share * twist[0], share * twist[1]
@@ -166,21 +166,21 @@ def at_pace(course: Course, twist: Twist) -> Twist:
 
 @compiled_once
 def parking(course: Course, pose: Pose) -> Twist:
-    """Return the twist that parks a robot at the end of the reference."""
+    """Return the twist of a robot parking at the end of the reference."""
     x, y, heading, _, _ = reference_at(course.ahead, course.ahead.shape[0] - 1)
     return park_twist(course.scene.robot, tracking_error(pose, (x, y, heading)))
 
 
 @compiled_once
 def arrival(course: Course, candidate: Candidate, soonest: int) -> int:
-    """Return in how many ticks a robot has parked that first holds a twist, if sooner.
+    """Return the ticks of parking after a held twist, if less than ``soonest``.
 
-    And if it is clear of all until then, and for :data:`STAY` ticks.
+    And if it is clear of all bodies until :data:`STAY` ticks later.
 
     Args:
-        course: The reference ahead, whose end is the pose.
+        course: The reference ahead, whose end is the goal.
         candidate: One to hold, or to park at once.
-        soonest: Returned where it takes as long or longer.
+        soonest: Upper bound of the result.
     """
     scene, s = course.scene, course.settings[0]
     at, heading, twist, stayed = Frame(0.0, 0.0, 1.0, 0.0), 0.0, scene.last, 0
@@ -205,12 +205,12 @@ def arrival(course: Course, candidate: Candidate, soonest: int) -> int:
 
 @compiled_once
 def roll_on(course: Course, candidate: Candidate, limit: float) -> float:
-    """Return the cost of a candidate; one dearer than ``limit`` not to its end, m²."""
+    """Return the cost of a candidate, m²; beyond ``limit`` only a lower bound."""
     scene, ahead, s = course.scene, course.ahead, course.settings[0]
     robot, last, n = scene.robot, ahead.shape[0] - 1, round(s.horizon / TICK)
     at, heading, row, mode = Frame(0.0, 0.0, 1.0, 0.0), 0.0, 0, 0
     twist, cost = scene.last, 0.0
-    fastest = min(limits_of(robot).v_max, MOST)
+    fastest = min(limits_of(robot).v_max, TOP_TWIST)
     for k in range(n):
         if candidate.kind == HOLD and k < candidate.held:
             target = (candidate.a, candidate.b)
@@ -239,7 +239,7 @@ def roll_on(course: Course, candidate: Candidate, limit: float) -> float:
         if room < -GRAZE:
             cost += s.deep * -room + s.enter * (n - k) / n
             if room < -DEEP:
-                return float(cost + LOST * (n - k))
+                return float(cost + VIOLATION_COST * (n - k))
         if cost > limit:
             break
     return float(cost)

@@ -1,8 +1,8 @@
-"""Room: what a place or pose has beyond the safety radius, on a grid near the robot.
+"""Margin field: margins of points and poses on a grid near the robot.
 
-The room of a place is its distance to the nearest obstacle less that obstacle's
-r_min(v_o), in m, robot frame; that of a pose is the least room of the footprint there.
-Obstacles are taken where they are; space beyond the grid counts as free.
+The margin of a point is its distance to the nearest obstacle minus that obstacle's
+r_min(v_o), in m, robot frame; that of a pose is the least margin of the footprint
+there. Obstacles are taken at their present positions; space beyond the grid is free.
 """
 
 import math
@@ -27,21 +27,21 @@ from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.types import Array, Arrays
 
-FINE = 0.05
-"""m; pitch of the grid; between its nodes room is interpolated."""
+GRID_PITCH = 0.05
+"""m; pitch of the grid, interpolated between its nodes."""
 
 AMPLE = 0.5
-"""m of room of a pose beyond which more is of no use."""
+"""m; margin of a pose beyond which a larger one has no effect."""
 
 SPOT_STEPS = 8
-"""Places at which a turn on the spot is looked at."""
+"""Samples of a turn on the spot."""
 
-SPACING = 0.06
-"""m between two points on the edge of a footprint."""
+OUTLINE_SPACING = 0.06
+"""m; spacing of points on the edge of a footprint."""
 
 
 class Field(NamedTuple):
-    """Distance field about the robot, and the points of its footprint.
+    """Margin field about the robot, and the points of its footprint.
 
     Attributes:
         nodes: (n, n) from :func:`room_field`, m.
@@ -54,7 +54,7 @@ class Field(NamedTuple):
     body: Array
 
 
-def outline(footprint: Footprint, spacing: float = SPACING) -> Array:
+def outline(footprint: Footprint, spacing: float = OUTLINE_SPACING) -> Array:
     """Return points (n, 2) on the footprint's edge, and halfway in, robot frame, m."""
     ring = []
     for a_x, a_y, n_x, n_y, length in footprint.edges:
@@ -73,19 +73,19 @@ def inner_radius(footprint: Footprint) -> float:
 
 @compiled
 def grid_size(half: float) -> int:
-    """Return how many nodes a side of a grid over [−half, half]² has."""
-    return 2 * round(half / FINE) + 1
+    """Return the number of nodes per side of a grid over [−half, half]²."""
+    return 2 * round(half / GRID_PITCH) + 1
 
 
 @compiled_once
 def room_field(
     half: float, ample: float, curve: RadiusCurve, obstacles: Arrays, nodes: Array
 ) -> None:
-    """Fill in the room (n, n) at the nodes of a grid over [−half, half]², m.
+    """Fill in the margins (n, n) at the nodes of a grid over [−half, half]², m.
 
     Args:
-        half: m; as of :func:`grid_size`, whose n it is.
-        ample: m; where it is cut: only the nodes near an obstacle are visited.
+        half: m; see :func:`grid_size`.
+        ample: Upper bound, m: only the nodes near an obstacle are visited.
         curve: r_min of an obstacle by its speed.
         obstacles: Robot frame.
         nodes: Filled in.
@@ -113,7 +113,7 @@ def room_field(
 def new_field(
     half: float, ample: float, curve: RadiusCurve, obstacles: Arrays
 ) -> Array:
-    """Return what :func:`room_field` fills in, told the same."""
+    """Return a new array of :func:`room_field`."""
     nodes = np.empty((grid_size(half), grid_size(half)))
     room_field(half, ample, curve, obstacles, nodes)
     return nodes
@@ -128,14 +128,14 @@ def _fill(field: Array, half: float, chain: Array, room: float) -> None:
     for i in range(chain.shape[0]):
         x_low, x_high = min(x_low, chain[i, X1]), max(x_high, chain[i, X1])
         y_low, y_high = min(y_low, chain[i, Y1]), max(y_high, chain[i, Y1])
-    first_j = max(math.ceil((y_low + half) / FINE), 0)
-    last_j = min(math.floor((y_high + half) / FINE), n - 1)
+    first_j = max(math.ceil((y_low + half) / GRID_PITCH), 0)
+    last_j = min(math.floor((y_high + half) / GRID_PITCH), n - 1)
     for i in range(
-        max(math.ceil((x_low + half) / FINE), 0),
-        min(math.floor((x_high + half) / FINE), n - 1) + 1,
+        max(math.ceil((x_low + half) / GRID_PITCH), 0),
+        min(math.floor((x_high + half) / GRID_PITCH), n - 1) + 1,
     ):
         for j in range(first_j, last_j + 1):
-            if holds_point(chain, i * FINE - half, j * FINE - half):
+            if holds_point(chain, i * GRID_PITCH - half, j * GRID_PITCH - half):
                 field[i, j] = min(field[i, j], room)
 
 
@@ -146,24 +146,24 @@ def _lower(
     """Lower the field to the distance from a segment less ``radius``, in place."""
     n, (x_1, y_1, x_2, y_2) = field.shape[0], axis
     wide = radius + ample + half
-    first_i = max(math.ceil((min(x_1, x_2) - radius - ample + half) / FINE), 0)
-    last_i = min(math.floor((max(x_1, x_2) + wide) / FINE), n - 1)
-    first_j = max(math.ceil((min(y_1, y_2) - radius - ample + half) / FINE), 0)
-    last_j = min(math.floor((max(y_1, y_2) + wide) / FINE), n - 1)
+    first_i = max(math.ceil((min(x_1, x_2) - radius - ample + half) / GRID_PITCH), 0)
+    last_i = min(math.floor((max(x_1, x_2) + wide) / GRID_PITCH), n - 1)
+    first_j = max(math.ceil((min(y_1, y_2) - radius - ample + half) / GRID_PITCH), 0)
+    last_j = min(math.floor((max(y_1, y_2) + wide) / GRID_PITCH), n - 1)
     for i in range(first_i, last_i + 1):
         for j in range(first_j, last_j + 1):
-            d_x, d_y = from_segment(axis, i * FINE - half, j * FINE - half)
+            d_x, d_y = from_segment(axis, i * GRID_PITCH - half, j * GRID_PITCH - half)
             field[i, j] = min(field[i, j], math.sqrt(d_x * d_x + d_y * d_y) - radius)
 
 
 @compiled_once
 def pose_room(field: Field, x: float, y: float, heading: float) -> float:
-    """Return the least room, m, of the points of the body at a pose."""
+    """Return the least margin, m, of the points of the footprint at a pose."""
     cos, sin, least = math.cos(heading), math.sin(heading), AMPLE
     (nodes, half, body), n = field, field.nodes.shape[0]
     for k in range(body.shape[0]):
-        u = (x + cos * body[k, 0] - sin * body[k, 1] + half) / FINE
-        w = (y + sin * body[k, 0] + cos * body[k, 1] + half) / FINE
+        u = (x + cos * body[k, 0] - sin * body[k, 1] + half) / GRID_PITCH
+        w = (y + sin * body[k, 0] + cos * body[k, 1] + half) / GRID_PITCH
         if not (0.0 <= u < n - 1 and 0.0 <= w < n - 1):
             continue
         i, j = int(u), int(w)
@@ -176,15 +176,15 @@ def pose_room(field: Field, x: float, y: float, heading: float) -> float:
 
 @compiled_once
 def line_room(field: Field, x: float, y: float, heading: float) -> float:
-    """Return the least room of a turn towards (x, y), the way there, a turn to heading.
+    """Return the least margin of turning to (x, y), driving there, turning to heading.
 
-    The robot starts at the origin with heading 0 and drives the line forwards.
+    The robot starts at the origin with heading 0 and drives forwards.
     """
     bearing = math.atan2(y, x)
     least = AMPLE
     for k in range(SPOT_STEPS + 1):
         least = min(least, pose_room(field, 0.0, 0.0, bearing * k / SPOT_STEPS))
-    count = math.ceil(math.sqrt(x * x + y * y) / (2.0 * FINE))
+    count = math.ceil(math.sqrt(x * x + y * y) / (2.0 * GRID_PITCH))
     for k in range(1, count + 1):
         p_x, p_y = x * k / count, y * k / count
         least = min(least, pose_room(field, p_x, p_y, bearing))

@@ -1,4 +1,4 @@
-"""The settings of the guide, and what their compiled functions take."""
+"""Settings of the guide, and their record for compiled functions."""
 
 from dataclasses import dataclass, fields
 from typing import Annotated, TypeAlias
@@ -14,36 +14,37 @@ from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, Range, check, want
 from qpavoid.types import Record
 
 BACK_SPEED = 0.2
-"""m/s of backing out; cut to the robot's limit."""
+"""m/s; speed of backing out, cut to the robot's limit."""
 
 MOST_REACH = 20.0
-"""m."""
+"""m; greatest ``reach``."""
 
 
 @dataclass(frozen=True)
 class GuideSettings:
-    """Settings of the guide: of its way round a stall, and of what it weighs.
+    """Settings of the guide: detours after a stall, and scores of candidates.
 
     Attributes:
         stall_time: s without progress that count as a stall.
-        progress: m; coming so far is progress.
-        blocked_time: s without progress after which the stage says ``blocked``.
-        tolerance: m and rad; nearer to the reference than this nothing is a stall.
-        speed: m/s on a way round; cut to the robot's limit.
-        turn_rate: rad/s on a way round; cut to the robot's limit.
-        clearance: m beyond r_min that a way keeps.
-        reach: m; half the side of the square, around the robot, that is searched.
-        interval: s between two looks at the obstacles while stalled or on a way round;
-            a search that failed is repeated after twice that.
-        horizon: s that are looked ahead.
-        soft: m beyond r_min within which being near costs.
-        near: What being 1 m too near costs, a tick.
-        deep: What 1 m within r_min costs, a tick.
-        enter: m²; what it costs to go there at once.
+        progress: Motion that counts as progress, m.
+        blocked_time: s without progress after which the stage reports ``blocked``.
+        tolerance: m and rad; reference error below which there is no stall.
+        speed: m/s on a detour; cut to the robot's limit.
+        turn_rate: rad/s on a detour; cut to the robot's limit.
+        clearance: Margin beyond r_min on a detour, m.
+        reach: m; half the side of the searched square around the robot.
+        interval: s between two checks of the obstacles while stalled or on a detour; a
+            failed search is repeated after twice that.
+        horizon: Of the rollouts, s.
+        soft: Margin beyond r_min below which proximity costs, m.
+        near: Cost per tick of a margin 1 m below ``soft``.
+        deep: Cost per tick of 1 m within r_min.
+        enter: m²; cost of entering r_min at once.
         heading: m²; weight of 1 − cos of the heading error.
-        hysteresis: Share by which something else must be cheaper to be taken up.
-        preference: The same for tracking, which is left for what is so much cheaper.
-        clear: m of room on its whole way with which a goal at rest is tracked.
+        hysteresis: Relative cost by which another candidate must be cheaper.
+        preference: Relative cost by which another candidate must be cheaper than
+            tracking.
+        clear: Margin on the whole path with which a goal at rest is tracked, m.
 
     Raises:
         InvalidInputError: Not in its range, or blocked_time not more than stall_time.
@@ -69,9 +70,9 @@ class GuideSettings:
     clear: Annotated[float, "m", NOT_NEGATIVE] = 0.03
 
     def __post_init__(self) -> None:
-        check(self, "a guide wants")
+        check(self, "a guide needs")
         longer = self.stall_time < self.blocked_time
-        want(longer, "a guide wants stall_time < blocked_time")
+        want(longer, "a guide needs stall_time < blocked_time")
 
     def record(self, robot: Robot, radius: SafetyRadius) -> npt.NDArray[np.void]:
         """Return settings, safety radius and robot as an array of one RECORD."""
@@ -86,7 +87,7 @@ class GuideSettings:
             "inner": inner_radius(robot.footprint),
         }
         drives = min(values["speed"], values["turn_rate"]) > 0.0
-        want(drives, "a guide wants a robot that drives and turns")
+        want(drives, "a guide needs a robot that drives and turns")
         return np.array([tuple(values[n] for n in RECORD.names or ())], dtype=RECORD)
 
 
@@ -98,7 +99,7 @@ RECORD = np.dtype(
         ("inner", np.float64),
     ]
 )
-"""All that the compiled functions want to know, as one record."""
+"""All settings for compiled functions, as one record."""
 
 Settings: TypeAlias = Annotated[npt.NDArray[np.void], Record("guide_settings", RECORD)]
 """One of them, as :meth:`GuideSettings.record` returns it."""

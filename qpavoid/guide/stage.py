@@ -1,15 +1,15 @@
-"""The stage between tracking and filter: the coming seconds, and a way round a stall.
+"""Stage between tracking and filter: candidates, and a detour after a stall.
 
-As long as the robot gets on, the guide drives the candidate that comes nearest to the
-reference over the coming seconds (:mod:`qpavoid.guide.choice`). A robot that
-wants to move, is not at its reference and has not come ``progress`` far in
-``stall_time`` is stalled. Then a way to the reference, or to the next free place ahead
-of it, is searched among the obstacles at hand (:mod:`qpavoid.guide.way`) and
-followed. It is kept as long as it is free and the robot gets on, so that the side does
-not flip; a robot that is wedged in backs out first. When the straight way to the
-reference is free, tracking takes over again. Without a way the robot holds, and after
-``blocked_time`` the stage says ``blocked``: the call for a replanner. It resumes when a
-way opens. What it desires goes through the safety filter like anything else.
+While the robot makes progress, the guide drives the cheapest candidate over the coming
+seconds (:mod:`qpavoid.guide.choice`). A robot is stalled if it has a desired twist, is
+not at its reference and has not moved by ``progress`` in ``stall_time``. Then a path to
+the reference, or to the next free pose ahead of it, is searched among the known
+obstacles (:mod:`qpavoid.guide.way`) and followed. It is retained as long as it is free
+and the robot makes progress, so that the side does not flip; a robot that is wedged in
+backs out first. When the straight path to the reference is free, tracking resumes.
+Without a path the robot holds, and after ``blocked_time`` the stage reports
+``blocked``: a request for a new plan. It resumes when a path opens. Its desired twist
+goes through the safety filter.
 """
 
 import math
@@ -46,18 +46,18 @@ from qpavoid.guide.state import (
     BACKING,
     BACKS,
     BEGUN,
-    BLOCKED,
+    CHOICE_DUE,
     CHOSEN,
     CLEAR,
     COUNT,
     DETOUR,
-    DUE,
-    FAILED,
+    FAILURES,
     LEAD,
     LOOKED,
-    MODE,
+    NO_PATH,
     PROGRESS,
     SEARCHING,
+    STAGE_MODE,
     STATE_SIZE,
     STILL,
     WAY,
@@ -88,35 +88,35 @@ from qpavoid.types import (
 )
 
 WANTS_V, WANTS_OMEGA = 0.02, 0.05
-"""m/s and rad/s; a desired twist below both wants to stand still."""
+"""m/s and rad/s; a desired twist below both is standing still."""
 
 STRAIGHT_WITHIN = 1.2
-"""rad; a straight way that begins with a greater turn is none."""
+"""rad; greatest initial turn of a straight path."""
 
 LOSS, DEMAND = 0.02, 0.02
-"""m of room that leaving a tight place may cost; by which each failure raises what a
-way must keep."""
+"""m; margin that leaving a tight place may cost; increase of the required margin after
+each failure."""
 
-AHEAD = 0.5
-"""m in front of a robot that has passed its reference, where it goes instead."""
+PAST_REFERENCE = 0.5
+"""m in front of a robot that has passed its reference: target of the detour."""
 
 
 REFERENCE_RESTS = 1e-3
-"""m/s; a reference that is slower stands."""
+"""m/s; speed of the reference below which it rests."""
 
 
 class Tracking(NamedTuple):
-    """Input of a step: what tracking asks for, and what has been driven.
+    """Input of a step: tracking, and the twist driven.
 
     Attributes:
         desired: Twist of the tracking law, m/s and rad/s.
-        error: Reference in the robot frame, m, m, and its heading less the robot's,
+        error: Reference in the robot frame, m, m, and its heading minus the robot's,
             rad.
         v_r: Speed of the reference along its path, m/s, that of the path itself where
-            the reference waits: 0 says that it has come to its goal.
+            the reference waits: 0 at its goal.
         driven: Twist driven since the last call.
         dt: Time since the last call, s.
-        ahead: (n, 5) the reference in the robot frame, a row a tick of the guide.
+        ahead: (n, 5) the reference in the robot frame, one row per tick of the guide.
     """
 
     desired: Twist
@@ -131,8 +131,8 @@ class StageMemory(NamedTuple):
     """Memory of a step.
 
     Attributes:
-        bodies: A row a contact.
-        search: As many numbers as :func:`qpavoid.guide.way.search_size` says.
+        bodies: One row per contact.
+        search: :func:`qpavoid.guide.way.search_size` numbers.
     """
 
     bodies: Annotated[MatrixWritten, Sizes(0, BODY)]
@@ -140,12 +140,12 @@ class StageMemory(NamedTuple):
 
 
 class Stage(NamedTuple):
-    """What stays the same from step to step.
+    """Data constant over a run.
 
     Attributes:
         setup: Of the filter behind it.
         law: Of the tracker.
-        settings: From :meth:`GuideSettings.record`; of size 0: there is no stage.
+        settings: From :meth:`GuideSettings.record`; of size 0: no stage.
         body: (n, 2) from :func:`qpavoid.guide.room.outline`.
     """
 
@@ -157,7 +157,7 @@ class Stage(NamedTuple):
 
 @compiled_once
 def scene_of(stage: Stage, bodies: Array, tracking: Tracking) -> Scene:
-    """Return the scene of a step among some bodies, without memory for rollouts."""
+    """Return the scene of a step with some bodies, without memory for rollouts."""
     (edges, robot, settings), none = stage.setup, bodies[:0]
     # fmt: off
     return Scene(edges, robot, settings, bodies, tracking.driven, (0.0, 0.0), none,
@@ -167,7 +167,7 @@ def scene_of(stage: Stage, bodies: Array, tracking: Tracking) -> Scene:
 
 @compiled_once
 def course_of(stage: Stage, state: Array, bodies: Array, tracking: Tracking) -> Course:
-    """Return what the rollouts of a step share, at the pace chosen last."""
+    """Return the rollout context of a step, at the pace chosen last."""
     pace = state[CHOSEN + PACE] if state[CHOSEN + PACE] > 0.0 else FASTEST
     scene = scene_of(stage, bodies, tracking)
     return Course(scene, tracking.ahead, stage.law, stage.settings, pace)
@@ -177,22 +177,22 @@ def course_of(stage: Stage, state: Array, bodies: Array, tracking: Tracking) -> 
 def track_by_candidate(
     stage: Stage, state: Array, bodies: Array, obstacles: Arrays, tracking: Tracking
 ) -> Twist:
-    """Return the twist of the candidate that comes nearest to the reference.
+    """Return the twist of the cheapest candidate.
 
-    They are looked at every :data:`TICK`, and driven in closed loop in between. Where
-    the robot is blocked and nothing moves, it stands: what is weighed stays the same.
+    Candidates are scored every :data:`TICK`, and driven in closed loop in between. If
+    the robot is blocked and nothing moves, it stands without a new score.
 
     Args:
         stage: Settings, tracker and filter.
         state: Of the stage.
-        bodies: VectorWritten, a row a contact.
+        bodies: Memory, one row per contact.
         obstacles: Robot frame.
-        tracking: What it does.
+        tracking: Input of the step.
     """
     s, chosen = stage.settings[0], state[CHOSEN:WAY]
-    state[DUE] -= 1.0
-    if state[DUE] < 0.5:
-        state[DUE] = max(1.0, round(TICK / tracking.dt))
+    state[CHOICE_DUE] -= 1.0
+    if state[CHOICE_DUE] < 0.5:
+        state[CHOICE_DUE] = max(1.0, round(TICK / tracking.dt))
         scene = scene_of(stage, bodies, tracking)
         count = bodies_in_reach(scene, obstacles, 0.0, s.horizon)
         scene = scene_of(stage, bodies[:count], tracking)
@@ -214,7 +214,7 @@ def _is_staged(
     obstacles: Arrays,
     tracking: Tracking,
 ) -> bool:
-    """Return whether all that is read is there, and memory for all that is written."""
+    """Return whether all arguments have the required sizes."""
     (edges, robot, settings), s = stage.setup, stage.settings[0]
     leads = tracking.ahead.shape[0] > 0 and tracking.dt > 0.0
     if not (leads and 0.0 <= s.reach <= MOST_REACH):
@@ -234,49 +234,49 @@ def guide_step(
     obstacles: Arrays,
     tracking: Tracking,
 ) -> tuple[int, float, float]:
-    """Return a number of :data:`PROGRESS` and the twist to desire, m/s and rad/s.
+    """Return a number of :data:`PROGRESS` and the desired twist, m/s and rad/s.
 
     Args:
         stage: Settings, tracker and filter.
-        state: (STATE_SIZE,) zeros at the start of a run; brought up to date in place.
-        memory: Big enough.
+        state: (STATE_SIZE,) zeros at the start of a run; updated in place.
+        memory: Of sufficient size.
         obstacles: Robot frame.
-        tracking: What it does.
+        tracking: Input of the step.
     """
     settings, bodies, (v, omega) = stage.settings, memory.bodies, tracking.desired
     s, (e_x, e_y, e_gamma) = settings[0], tracking.error
     note_motion(state, s.progress, tracking.driven, tracking.dt)
     near = math.sqrt(e_x * e_x + e_y * e_y) < s.tolerance and abs(e_gamma) < s.tolerance
     wants = abs(v) > WANTS_V or abs(omega) > WANTS_OMEGA
-    if near or (state[MODE] == CLEAR and not wants):
+    if near or (state[STAGE_MODE] == CLEAR and not wants):
         clear(state)
-    if state[MODE] == CLEAR:
+    if state[STAGE_MODE] == CLEAR:
         if state[STILL] < s.stall_time:
             v, omega = track_by_candidate(stage, state, bodies, obstacles, tracking)
             return CLEAR, v, omega
-        state[FAILED] = state[BACKS] = state[DUE] = 0.0
+        state[FAILURES] = state[BACKS] = state[CHOICE_DUE] = 0.0
         state[CHOSEN + KIND] = NOT_CHOSEN
-        state[MODE], state[LOOKED] = SEARCHING, math.inf
-    if state[MODE] == BACKING:
+        state[STAGE_MODE], state[LOOKED] = SEARCHING, math.inf
+    if state[STAGE_MODE] == BACKING:
         state[BACKED] += tracking.dt
         if state[BACKED] < BACK_TIME:
             return BACKING, -s.back_speed, 0.0
-        state[MODE], state[LOOKED] = SEARCHING, math.inf
-    pause = s.interval if state[MODE] == DETOUR else 2.0 * s.interval
-    if state[LOOKED] >= pause or (state[MODE] == DETOUR and is_done(state)):
+        state[STAGE_MODE], state[LOOKED] = SEARCHING, math.inf
+    pause = s.interval if state[STAGE_MODE] == DETOUR else 2.0 * s.interval
+    if state[LOOKED] >= pause or (state[STAGE_MODE] == DETOUR and is_done(state)):
         state[LOOKED] = 0.0
         curve = radius_curve(settings)
         field = field_in(memory.search, s.reach, stage.body)
         room_field(s.reach, s.inner + AMPLE, curve, obstacles, field.nodes)
         _look(state, field, settings, memory.search, obstacles, tracking)
-        if state[MODE] == CLEAR:
+        if state[STAGE_MODE] == CLEAR:
             return CLEAR, v, omega
-    if state[MODE] == DETOUR:
+    if state[STAGE_MODE] == DETOUR:
         twist = follow(state, s.speed, s.turn_rate, tracking.dt)
         v, omega = at_pace(course_of(stage, state, bodies[:0], tracking), twist)
         return DETOUR, v, omega
     v, omega = track_by_candidate(stage, state, bodies, obstacles, tracking)
-    return (BLOCKED if state[STILL] >= s.blocked_time else SEARCHING), v, omega
+    return (NO_PATH if state[STILL] >= s.blocked_time else SEARCHING), v, omega
 
 
 @compiled_once
@@ -288,7 +288,7 @@ def _look(
     obstacles: Arrays,
     tracking: Tracking,
 ) -> None:
-    """Look at the obstacles: go back to tracking, keep the way, or find another."""
+    """Check the obstacles: resume tracking, retain the path, or search another one."""
     s, error = settings[0], tracking.error
     moving = abs(tracking.v_r) > REFERENCE_RESTS
     there, x, y = _target(field, s.clearance, error, moving)
@@ -299,17 +299,17 @@ def _look(
         return
     if _goes_on(state, field, settings):
         return
-    state[MODE] = SEARCHING
+    state[STAGE_MODE] = SEARCHING
     if not there:
         return
-    more = DEMAND * state[FAILED]
+    more = DEMAND * state[FAILURES]
     clearance, reverse = s.clearance + more, s.back_speed > 0.0
     target = (x, y, error[2])
     loss, walls = LOSS - more, obstacles[1]
     search = Search(s.inner, reverse, clearance, loss, target, not moving, walls)
     count = find_way(field, search, memory, state[WAY:])
     if count > 0:
-        state[MODE], state[COUNT] = DETOUR, count
+        state[STAGE_MODE], state[COUNT] = DETOUR, count
         for i in range(LEAD, COUNT):
             state[i] = 0.0
         return
@@ -317,14 +317,14 @@ def _look(
     if count == 0 and wedged and back_out(state, s.back_speed):
         return
     if state[STILL] < s.blocked_time:
-        state[FAILED] = 0.0
+        state[FAILURES] = 0.0
 
 
 @compiled_once
 def _goes_on(state: Array, field: Field, settings: Settings) -> bool:
-    """Return whether nothing need be searched: the way is free, done, or backed out."""
+    """Return whether no search is needed: the path is free or done, or backed out."""
     s = settings[0]
-    if state[MODE] != DETOUR:
+    if state[STAGE_MODE] != DETOUR:
         state[BEGUN] = 0.0
         return False
     if is_done(state):
@@ -332,7 +332,7 @@ def _goes_on(state: Array, field: Field, settings: Settings) -> bool:
         return True
     if min(state[STILL], state[BEGUN]) < s.stall_time:
         return way_room(state, field) >= 0.0
-    state[FAILED] += 1.0
+    state[FAILURES] += 1.0
     state[BEGUN] = 0.0
     return back_out(state, s.back_speed)
 
@@ -341,15 +341,15 @@ def _goes_on(state: Array, field: Field, settings: Settings) -> bool:
 def _target(
     field: Field, clearance: float, error: Pose, moving: bool
 ) -> tuple[bool, float, float]:
-    """Return whether there is a free place to go to, and it, robot frame, m.
+    """Return whether there is a free target pose, and its position, robot frame, m.
 
-    It is the reference itself or, if that moves, the first free place ahead of it, and
-    ahead of the robot, straight on along its heading.
+    The reference itself or, if that moves, the first free point ahead of it, and ahead
+    of the robot, straight along its heading.
     """
     e_x, e_y, e_gamma = error
     cos, sin = math.cos(e_gamma), math.sin(e_gamma)
     passed = -(e_x * cos + e_y * sin)
-    start = passed + AHEAD if moving and passed > 0.0 else 0.0
+    start = passed + PAST_REFERENCE if moving and passed > 0.0 else 0.0
     steps = math.ceil(2.0 * field.half / CELL) if moving else 1
     for k in range(steps):
         x, y = e_x + (start + k * CELL) * cos, e_y + (start + k * CELL) * sin
@@ -359,16 +359,16 @@ def _target(
 
 
 Avoid: TypeAlias = Callable[[Obstacles, Tracking], tuple[Progress, float, float]]
-"""From obstacles, robot frame, and what tracking does to what the stage does, v, ω."""
+"""Function from obstacles, robot frame, and tracking to the stage's progress, v, ω."""
 
 
 @dataclass(frozen=True)
 class GuideStage:
-    """The stage with its settings; it holds no state of any run.
+    """The stage with its settings, without the state of a run.
 
     Attributes:
         robot: Footprint and limits.
-        settings: When it acts, how, and what it weighs.
+        settings: Of the guide.
         avoidance: Settings of the filter behind it.
         law: Of the tracker.
     """
@@ -380,7 +380,7 @@ class GuideStage:
 
     @property
     def stage(self) -> Stage:
-        """What the compiled functions take."""
+        """Data for compiled functions."""
         edges = self.robot.footprint.edges
         return Stage(
             Setup(edges, self.robot.limit_vector, self.avoidance.record()),
@@ -390,7 +390,7 @@ class GuideStage:
         )
 
     def start(self, state: Array | None = None) -> Avoid:
-        """Return the stage of a new run, or of one that goes on in a state."""
+        """Return the stage of a new run, or of one that continues in a state."""
         stage, state = self.stage, fresh_stage() if state is None else state
         memory = stage_memory(0, stage.settings)
 
@@ -410,7 +410,7 @@ class GuideStage:
 
 
 def stage_memory(contacts: int, settings: Settings) -> StageMemory:
-    """Return memory for so many contacts; none to search where there is no stage."""
+    """Return memory for so many contacts; none to search without a stage."""
     many = search_size(settings["reach"].item()) if len(settings) else 0
     return StageMemory(np.empty((contacts, BODY)), np.empty(many))
 

@@ -1,6 +1,6 @@
-"""The state of the guide's stage, an array: clock, mark, and the way it follows.
+"""State of the guide's stage, an array: clock, mark, and the path it follows.
 
-All poses are in the robot frame, m, m, rad, and move on with the robot.
+All poses are in the robot frame, m, m, rad, and move with the robot.
 """
 
 import math
@@ -8,14 +8,14 @@ from enum import StrEnum
 
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.guide.room import AMPLE, Field, pose_room
-from qpavoid.guide.way import ACTIONS, MOST_ACTIONS, STEP, TURN
+from qpavoid.guide.way import ACTIONS, ARC_LENGTH, MOST_ACTIONS, TURN
 from qpavoid.model.kinematics import arc
 from qpavoid.tracking.kanayama import kanayama, tracking_error
 from qpavoid.types import Array, Twist
 
 
 class Progress(StrEnum):
-    """What the stage does."""
+    """Mode of the stage."""
 
     CLEAR = "clear"
     SEARCHING = "searching"
@@ -25,66 +25,66 @@ class Progress(StrEnum):
 
     @property
     def sentence(self) -> str:
-        """The same in a sentence."""
+        """Description of the mode, one sentence."""
         return SENTENCES[self]
 
 
 SENTENCES = {
-    Progress.CLEAR: "The robot gets on; the desired twist is handed on as it is.",
-    Progress.SEARCHING: "The robot is stalled and holds; no way has been found yet.",
-    Progress.DETOUR: "A way round the obstacles is followed.",
+    Progress.CLEAR: "The robot makes progress; the desired twist is unchanged.",
+    Progress.SEARCHING: "The robot is stalled and holds; no path has been found yet.",
+    Progress.DETOUR: "A path around the obstacles is followed.",
     Progress.BACKING: "The robot is wedged in and backs out.",
-    Progress.BLOCKED: "There is no way; the robot holds and wants a new plan.",
+    Progress.BLOCKED: "No path was found; the robot holds and needs a new plan.",
 }
 PROGRESS = tuple(Progress)
-"""By the number that :func:`qpavoid.guide.stage.guide_step` returns."""
+"""All modes, by the number that :func:`qpavoid.guide.stage.guide_step` returns."""
 
-CLEAR, SEARCHING, DETOUR, BACKING, BLOCKED = range(5)
+CLEAR, SEARCHING, DETOUR, BACKING, NO_PATH = range(5)
 
 (
-    MODE,  # CLEAR, SEARCHING, DETOUR or BACKING
+    STAGE_MODE,  # CLEAR, SEARCHING, DETOUR or BACKING
     STILL,  # s since the robot was last ``progress`` away from the mark
     MARK,  # x, y, turn of the mark in the robot frame, m, m, rad
-    LOOKED,  # s since the obstacles were last looked at
-    LEAD,  # x, y, turn of the pose that the robot follows, the same
-    PLACE,  # action of the way that this pose is in
-    SHARE,  # of that action done, 0 to 1
+    LOOKED,  # s since the obstacles were last checked
+    LEAD,  # x, y, turn of the pose that the robot follows, m, m, rad
+    ACTION,  # action of the path that this pose is in
+    ACTION_SHARE,  # of that action done, 0 to 1
     COUNT,  # of actions
-    FAILED,  # ways on which the robot got stuck since one was last missing
+    FAILURES,  # paths on which the robot got stuck since a search last failed
     BACKED,  # s of backing out
-    BACKS,  # how often it backed out since it was last clear
-    BEGUN,  # s since the first search, or the last way that failed
-    DUE,  # control steps until the candidates are looked at again
+    BACKS,  # number of times backed out since last clear
+    BEGUN,  # s since the first search, or the last path that failed
+    CHOICE_DUE,  # control steps until the candidates are scored again
     CHOSEN,  # the candidate that is driven
     WAY,  # the first action
 ) = (0, 1, 2, 5, 6, 9, 10, 11, 12, 13, 14, 15, 16, 17, 23)
 STATE_SIZE = WAY + MOST_ACTIONS
 
 BACK_TIME, MOST_BACKS = 3.0, 2
-"""s of backing out, and how often."""
+"""s of backing out, and number of times."""
 
 TURNED = 0.5
-"""rad; on a way such a turn is progress as well."""
+"""rad; turn on a detour that counts as progress."""
 
 LEASH, LEASH_TURN = 0.3, 0.5
-"""m and rad by which the robot trails the pose it follows when that stands still."""
+"""m and rad; lag of the robot behind the followed pose at which that stops."""
 
 DONE = 1.0 - 1e-9
-"""Share of an action from which on it is done, whatever the steps are rounded to."""
+"""Share of an action from which on it is done; tolerates rounding of steps."""
 
 GAINS = 1.5, 6.0, 3.0
-"""k_x, k_y, k_γ of Eq. 6 on the way."""
+"""k_x, k_y, k_γ of Eq. 6 on a detour."""
 
 
 @compiled
 def set_mark(state: Array) -> None:
-    """Put the mark where the robot is."""
+    """Set the mark to the robot's pose."""
     state[MARK], state[MARK + 1], state[MARK + 2] = 0.0, 0.0, 0.0
 
 
 @compiled_once
 def note_motion(state: Array, progress: float, driven: Twist, dt: float) -> None:
-    """Bring clocks and poses up to date after a step in which a twist was driven."""
+    """Update clocks and poses after a step in which a twist was driven."""
     pose = arc(0.0, 0.0, 0.0, driven[0], driven[1], dt)
     for k in (MARK, LEAD):
         known = (state[k], state[k + 1], state[k + 2])
@@ -93,22 +93,22 @@ def note_motion(state: Array, progress: float, driven: Twist, dt: float) -> None
     state[LOOKED] += dt
     state[BEGUN] += dt
     far = state[MARK] ** 2 + state[MARK + 1] ** 2 > progress**2
-    if far or (state[MODE] == DETOUR and abs(state[MARK + 2]) > TURNED):
+    if far or (state[STAGE_MODE] == DETOUR and abs(state[MARK + 2]) > TURNED):
         state[STILL] = 0.0
         set_mark(state)
 
 
 @compiled_once
 def clear(state: Array) -> None:
-    """Go back to tracking, with the clock at zero and the mark here."""
-    state[MODE], state[STILL] = CLEAR, 0.0
+    """Resume tracking, with the clock at zero and the mark at the robot's pose."""
+    state[STAGE_MODE], state[STILL] = CLEAR, 0.0
     set_mark(state)
 
 
 @compiled_once
 def has_way(state: Array) -> bool:
-    """Return whether what is left to be followed are actions that there are."""
-    place, count = state[PLACE], state[COUNT]
+    """Return whether the remaining actions are valid."""
+    place, count = state[ACTION], state[COUNT]
     if not (0.0 <= place and 0.0 <= count <= MOST_ACTIONS):
         return False
     for k in range(int(count)):
@@ -119,28 +119,28 @@ def has_way(state: Array) -> bool:
 
 @compiled_once
 def is_done(state: Array) -> bool:
-    """Return whether the way has been followed to its end."""
-    return bool(state[PLACE] >= state[COUNT])
+    """Return whether the path has been followed to its end."""
+    return bool(state[ACTION] >= state[COUNT])
 
 
 @compiled_once
 def back_out(state: Array, speed: float) -> bool:
-    """Begin to back out, unless that has been tried often enough; say whether."""
+    """Begin to back out unless done too often; return whether it begins."""
     if state[BACKS] >= MOST_BACKS or speed == 0.0:
         return False
-    state[MODE], state[BACKED] = BACKING, 0.0
+    state[STAGE_MODE], state[BACKED] = BACKING, 0.0
     state[BACKS] += 1.0
     return True
 
 
 @compiled_once
 def way_room(state: Array, field: Field) -> float:
-    """Return the least room on what is left of the way, m."""
+    """Return the least margin on the rest of the path, m."""
     x, y, turn = state[LEAD], state[LEAD + 1], state[LEAD + 2]
-    least, share = AMPLE, 1.0 - state[SHARE]
-    for k in range(int(state[PLACE]), int(state[COUNT])):
+    least, share = AMPLE, 1.0 - state[ACTION_SHARE]
+    for k in range(int(state[ACTION]), int(state[COUNT])):
         drive, bend = ACTIONS[int(state[WAY + k])]
-        x, y, turn = arc(x, y, turn, drive * STEP, bend * TURN, share)
+        x, y, turn = arc(x, y, turn, drive * ARC_LENGTH, bend * TURN, share)
         least = min(least, pose_room(field, x, y, turn))
         share = 1.0
     return least
@@ -148,18 +148,18 @@ def way_room(state: Array, field: Field) -> float:
 
 @compiled_once
 def follow(state: Array, speed: float, turn_rate: float, dt: float) -> Twist:
-    """Return the twist that follows the way; the pose ahead waits for the robot."""
-    drive, bend = ACTIONS[int(state[WAY + int(state[PLACE])])]
-    time = max(abs(drive) * STEP / speed, abs(bend) * TURN / turn_rate)
-    v, omega = drive * STEP / time, bend * TURN / time
+    """Return the twist that follows the path; the followed pose waits for the robot."""
+    drive, bend = ACTIONS[int(state[WAY + int(state[ACTION])])]
+    time = max(abs(drive) * ARC_LENGTH / speed, abs(bend) * TURN / turn_rate)
+    v, omega = drive * ARC_LENGTH / time, bend * TURN / time
     away = math.sqrt(state[LEAD] ** 2 + state[LEAD + 1] ** 2) / LEASH
     away = max(away, abs(state[LEAD + 2]) / LEASH_TURN)
     pace = min(max(2.0 - 2.0 * away, 0.0), 1.0)
-    step = min(pace * dt, time * (1.0 - state[SHARE]))
+    step = min(pace * dt, time * (1.0 - state[ACTION_SHARE]))
     x, y, turn = arc(state[LEAD], state[LEAD + 1], state[LEAD + 2], v, omega, step)
     state[LEAD], state[LEAD + 1], state[LEAD + 2] = x, y, turn
-    state[SHARE] += step / time
-    if state[SHARE] >= DONE:
-        state[SHARE] = 0.0
-        state[PLACE] += 1.0
+    state[ACTION_SHARE] += step / time
+    if state[ACTION_SHARE] >= DONE:
+        state[ACTION_SHARE] = 0.0
+        state[ACTION] += 1.0
     return kanayama((x, y, turn), (pace * v, pace * omega), GAINS)

@@ -1,8 +1,8 @@
-"""Steering: the laws that candidates drive by, in the robot frame.
+"""Steering laws of candidates, in the robot frame.
 
 Pure pursuit [Coulter1992] beside the reference, at a share of its pace; and turning,
-driving straight and turning again to a pose at rest, which a robot that cannot move
-sideways reaches no sooner in any other way that keeps so near to it.
+driving straight and turning again to a pose at rest, the shortest manoeuvre of a
+nonholonomic robot that stays near it.
 """
 
 import math
@@ -13,36 +13,35 @@ from qpavoid.model.robot import limits_of
 from qpavoid.types import Array, Pair, Pose, Twist
 
 X, Y, HEADING, V, OMEGA = range(5)
-"""Columns of the reference ahead, a row a tick from now on."""
+"""Columns of the reference ahead, one row per tick from now on."""
 
-LOOK, LOOK_TIME = 0.5, 0.4
-"""m and s; who follows steers to the point of the path so far ahead, at his speed."""
+PURSUIT, PURSUIT_TIME = 0.5, 0.4
+"""m and s; pursuit distance ahead, plus that driven in so long."""
 
 CATCH_UP = 1.5
-"""1/s; by so much per m of lag who follows is faster than the reference."""
+"""1/s; increase of speed per m of lag behind the reference."""
 
 TURN_ON_SPOT = 1.2
-"""rad; who looks so far aside from his heading turns on the spot."""
+"""rad; bearing of the pursuit point from which on the robot turns on the spot."""
 
-MOST = 2.0
-"""m/s and rad/s; a robot without limits is taken to keep these."""
+TOP_TWIST = 2.0
+"""m/s and rad/s; limits of a robot without limits."""
 
-CLOSE, TURN_IN = 3.0, 4.0
+PARK_GAIN, TURN_IN = 3.0, 4.0
 """1/s; v per m and ω per rad towards a pose at rest."""
 
-AT, ASIDE = 0.008, 0.5
-"""m; at a pose so near only the heading is left to turn. rad; a place at a greater
-bearing is turned to on the spot."""
+AT, TURN_FROM = 0.008, 0.5
+"""m; distance below which only the heading is corrected. rad; bearing above which the
+robot turns on the spot."""
 
 
 SAME_TURNS = 1e-9
-"""rad; ways to park whose turns differ by less are equal, and the forward one is
-taken: rounding does not choose between them."""
+"""rad; tolerance of equal turns of two manoeuvres: the forward one is taken."""
 
 
 @compiled_once
 def nearest_row(ahead: Array, row: int, at: Frame) -> int:
-    """Return the row nearest to a place, from one on as long as they come nearer."""
+    """Return the row nearest to a position, searched from ``row`` on."""
     least = (ahead[row, X] - at.x) ** 2 + (ahead[row, Y] - at.y) ** 2
     while row + 1 < ahead.shape[0]:
         away = (ahead[row + 1, X] - at.x) ** 2 + (ahead[row + 1, Y] - at.y) ** 2
@@ -54,7 +53,7 @@ def nearest_row(ahead: Array, row: int, at: Frame) -> int:
 
 @compiled_once
 def point_ahead(ahead: Array, row: int, way: float, offset: float) -> Pair:
-    """Return the place a way further on than a row, beside it; straight on at last."""
+    """Return the point ``way`` m beyond a row, at an offset; straight at the end."""
     last = ahead.shape[0] - 1
     while row < last and way > 0.0:
         d_x, d_y = ahead[row + 1, X] - ahead[row, X], ahead[row + 1, Y] - ahead[row, Y]
@@ -73,15 +72,15 @@ def follow_twist(
 ) -> Twist:
     """Return the twist that follows the reference at an offset.
 
-    Pure pursuit [Coulter1992]: ω = 2 v sin α / D to a point of the path ahead, in the
-    distance D at the bearing α, and as much slower as that lies aside.
+    Pure pursuit [Coulter1992]: ω = 2 v sin α / D to a point of the path ahead, at the
+    distance D and bearing α; v is reduced with α.
 
     Args:
         robot: See :attr:`qpavoid.model.robot.Robot.limit_vector`.
-        ahead: (n, 5) the reference, a row a tick.
-        at: Where the robot is.
-        row: The nearest of the reference.
-        place: Where on it the robot should be by now, in ticks.
+        ahead: (n, 5) the reference, one row per tick.
+        at: Frame of the robot.
+        row: Nearest row of the reference.
+        place: Scheduled progress of the robot, in ticks.
         offset: To its left, m.
     """
     limits = limits_of(robot)
@@ -91,11 +90,11 @@ def follow_twist(
     lag = (ahead[t, X] - at.x) * cos + (ahead[t, Y] - at.y) * sin
     d_x, d_y = ahead[t + 1, X] - ahead[t, X], ahead[t + 1, Y] - ahead[t, Y]
     lag += share * (d_x * cos + d_y * sin)
-    v = min(max(ahead[t, V] + CATCH_UP * lag, 0.0), min(limits.v_max, MOST))
-    x, y = point_ahead(ahead, row, LOOK + LOOK_TIME * v, offset)
+    v = min(max(ahead[t, V] + CATCH_UP * lag, 0.0), min(limits.v_max, TOP_TWIST))
+    x, y = point_ahead(ahead, row, PURSUIT + PURSUIT_TIME * v, offset)
     d_x, d_y = x - at.x, y - at.y
     along, aside = at.cos * d_x + at.sin * d_y, at.cos * d_y - at.sin * d_x
-    angle, most = math.atan2(aside, along), min(limits.omega_max, MOST)
+    angle, most = math.atan2(aside, along), min(limits.omega_max, TOP_TWIST)
     if abs(angle) > TURN_ON_SPOT:
         return 0.0, math.copysign(most, angle)
     v *= 1.0 - abs(angle) / TURN_ON_SPOT
@@ -108,14 +107,14 @@ def follow_twist(
 def park_twist(robot: Array, goal: Pose) -> Twist:
     """Return the twist towards a pose at rest: turn to it, drive there, turn.
 
-    Forwards or backwards, whichever takes the smaller turns.
+    Forwards or backwards, with the smaller turns.
 
     Args:
         robot: See :attr:`qpavoid.model.robot.Robot.limit_vector`.
         goal: Robot frame, m, m, rad.
     """
     (x, y, turn), limits = goal, limits_of(robot)
-    way, most, ahead = math.sqrt(x * x + y * y), min(limits.omega_max, MOST), 1.0
+    way, most, ahead = math.sqrt(x * x + y * y), min(limits.omega_max, TOP_TWIST), 1.0
     if way < AT:
         turn = wrap_angle(turn)
         if abs(turn) < AT:
@@ -128,8 +127,8 @@ def park_twist(robot: Array, goal: Pose) -> Twist:
     if limits.v_min < 0.0 and back < turns - SAME_TURNS:
         bearing, ahead = behind, -1.0
     omega = min(max(TURN_IN * bearing, -most), most)
-    if abs(bearing) > ASIDE:
+    if abs(bearing) > TURN_FROM:
         return 0.0, omega
-    fastest = min(limits.v_max if ahead > 0.0 else -limits.v_min, MOST)
-    v = min(CLOSE * way, math.sqrt(limits.acceleration * way), fastest)
-    return ahead * v * (1.0 - abs(bearing) / ASIDE), omega
+    fastest = min(limits.v_max if ahead > 0.0 else -limits.v_min, TOP_TWIST)
+    v = min(PARK_GAIN * way, math.sqrt(limits.acceleration * way), fastest)
+    return ahead * v * (1.0 - abs(bearing) / TURN_FROM), omega

@@ -1,8 +1,8 @@
 """Hybrid A* of the oriented footprint on a local grid.
 
-Everything is in the robot frame of the moment of planning. The search [Dolgov2010]
-expands short arcs from the robot's very pose, keeps the best one per grid cell and
-heading, and is guided by the geodesic distance of the axle to the target.
+In the robot frame at the time of planning. The search [Dolgov2010] expands short arcs
+from the robot's exact pose, keeps the best one per grid cell and heading, and uses the
+geodesic distance of the axle to the target as heuristic.
 """
 
 import math
@@ -17,36 +17,36 @@ from qpavoid.types import Array, Pose
 
 HEADINGS = 24
 TURN = 2.0 * math.pi / HEADINGS
-STEP = 0.2
+ARC_LENGTH = 0.2
 """m; length of one arc."""
 
-FORWARDS = tuple((1.0, turn) for turn in (0.0, 1.0, -1.0, 2.0, -2.0))
+AHEAD_ARCS = tuple((1.0, turn) for turn in (0.0, 1.0, -1.0, 2.0, -2.0))
 ON_THE_SPOT = ((0.0, 1.0), (0.0, -1.0))
-BACKWARDS = tuple((-1.0, turn) for turn in (0.0, 1.0, -1.0))
-ACTIONS = FORWARDS + ON_THE_SPOT + BACKWARDS
-"""Arcs as multiples of STEP and TURN; those backwards stand last."""
+BACK_ARCS = tuple((-1.0, turn) for turn in (0.0, 1.0, -1.0))
+ACTIONS = AHEAD_ARCS + ON_THE_SPOT + BACK_ARCS
+"""Arcs as multiples of ARC_LENGTH and TURN; backward ones last."""
 
 MOST_ACTIONS = 120
 MOST_NODES = 20_000
-"""With that many arcs without a way the search gives up."""
+"""Number of arcs after which the search fails."""
 
 TURN_COST, CHANGE_COST = 0.08, 0.4
-"""m that one TURN, and a change between forwards and backwards, cost."""
+"""m; cost of one TURN, and of a change between forwards and backwards."""
 
 NEAR_COST, REVERSE_COST = 1.5, 2.0
-"""Greatest share added for driving near obstacles; factor for backing up."""
+"""Greatest relative cost added near obstacles; factor for reversing."""
 
 GREED = 2.0
-"""Weight of the distance that remains: ways a little longer, found much sooner."""
+"""Weight of the heuristic: slightly longer paths, found much sooner."""
 
 LEAVING = 0.8
-"""m of cost within which a robot that stands too near may lose a little room more."""
+"""m of cost within which a robot that is too near may lose a little more margin."""
 
 CLOSE, ALIGNED = 0.2, 1.5 * TURN
-"""m and rad from the target at which a way ends."""
+"""m and rad from the target at which a path ends."""
 
-SAME = 1e-5
-"""m of cost below which two are equal."""
+SAME_COST = 1e-5
+"""m; tolerance of equal costs."""
 
 
 class Search(NamedTuple):
@@ -54,12 +54,12 @@ class Search(NamedTuple):
 
     Attributes:
         inner: From :func:`qpavoid.guide.room.inner_radius`, m.
-        reverse: Whether the robot can back up.
-        clearance: Room, m, that every pose keeps; with less it may only be left.
-        loss: Room, m, that may be lost first when leaving; negative: must be gained.
+        reverse: Whether the robot can drive backwards.
+        clearance: Required margin, m; poses with less may only be left.
+        loss: Margin, m, that may be lost first when leaving; negative: must be gained.
         target: Robot frame, m, m, rad.
-        turned: Whether the way must end with that heading.
-        walls: Capsules, robot frame: what a way beyond the grid goes round.
+        turned: Whether the path must end with that heading.
+        walls: Capsules, robot frame, for detours outside the grid.
     """
 
     inner: float
@@ -75,11 +75,11 @@ class Tree(NamedTuple):
     """Search tree of hybrid A*, and its memory.
 
     Attributes:
-        nodes: (:data:`MOST_NODES`, 5) x, y, cost so far, room (m), direction.
+        nodes: (:data:`MOST_NODES`, 5) x, y, cost so far, margin (m), direction.
         links: (:data:`MOST_NODES`, 3) heading in TURNs, wrapped, parent, action.
-        best: (n², HEADINGS) least cost so far of every place, its cells row by row.
+        best: (n², HEADINGS) least cost so far of every cell, row by row.
         remaining: (n, n) from :func:`qpavoid.guide.geodesic.geodesic`, m.
-        heap: What is expanded next.
+        heap: Open list.
     """
 
     nodes: Array
@@ -95,7 +95,7 @@ NODE, LINK = 5, 3
 
 @compiled_once
 def most_waiting(half: float) -> int:
-    """Return how many items wait at most: a cell is reached from eight, or the edge."""
+    """Return the greatest size of the open list: each cell has eight neighbours."""
     n = cells_of(half)
     return max(8 * n * n + 4 * n, MOST_NODES)
 
@@ -103,7 +103,7 @@ def most_waiting(half: float) -> int:
 @entry
 @compiled_once
 def search_size(half: float) -> int:
-    """Return how many numbers of memory a search needs."""
+    """Return the size of the memory of a search, in numbers."""
     fine, cells = grid_size(half), cells_of(half)
     size = fine * fine + cells * cells * (HEADINGS + 1)
     return size + MOST_NODES * (NODE + LINK) + most_waiting(half) * HEAP_WIDTH
@@ -111,14 +111,14 @@ def search_size(half: float) -> int:
 
 @compiled_once
 def field_in(memory: Array, half: float, body: Array) -> Field:
-    """Return the field, not filled in, that the memory of a search begins with."""
+    """Return the field, not filled in, at the start of a search's memory."""
     n = grid_size(half)
     return Field(memory[: n * n].reshape(n, n), half, body)
 
 
 @compiled_once
 def tree_in(memory: Array, half: float) -> Tree:
-    """Return the tree, not filled in, in the memory of a search behind the field."""
+    """Return the tree, not filled in, behind the field in a search's memory."""
     n, cells, waiting = grid_size(half), cells_of(half), most_waiting(half)
     a = n * n
     b = a + MOST_NODES * NODE
@@ -137,14 +137,14 @@ def tree_in(memory: Array, half: float) -> Tree:
 
 @compiled_once
 def find_way(field: Field, search: Search, memory: Array, way: Array) -> int:
-    """Return the number of actions of a way from the robot to a target.
+    """Return the number of actions of a path from the robot to a target.
 
-    0 says that none was found, −1 that there is none, not even for the axle alone.
-    It ends near the target, or where it leaves the grid on the way to one beyond.
+    0 if none was found, −1 if there is none, not even for the axle alone. It ends near
+    the target, or where it leaves the grid towards one outside.
 
     Args:
-        field: Room, at least to inner + AMPLE.
-        search: Where to, and how.
+        field: Margins, at least to inner + AMPLE.
+        search: The problem.
         memory: :func:`search_size` numbers.
         way: (MOST_ACTIONS,) filled with the numbers of the actions.
     """
@@ -161,12 +161,12 @@ def find_way(field: Field, search: Search, memory: Array, way: Array) -> int:
     begin_tree(field, tree)
     best[middle * n + middle, 0] = 0.0
     waiting, count = push(heap, 0, Item(remaining[middle, middle], 0, 0)), 1
-    kinds = len(ACTIONS) if search.reverse else len(ACTIONS) - len(BACKWARDS)
+    kinds = len(ACTIONS) if search.reverse else len(ACTIONS) - len(BACK_ARCS)
     while waiting > 0 and count < MOST_NODES - kinds:
         parent = item_at(heap, 0).i
         waiting = drop_first(heap, waiting)
         i, j, k = _bin(field.half, tree, parent)
-        if nodes[parent, 2] > best[i * n + j, k] + SAME:
+        if nodes[parent, 2] > best[i * n + j, k] + SAME_COST:
             continue
         if parent > 0 and _arrives(field.half, search, tree, parent):
             return _trace(tree.links, parent, way)
@@ -177,7 +177,7 @@ def find_way(field: Field, search: Search, memory: Array, way: Array) -> int:
             if not (0 <= i < n and 0 <= j < n) or remaining[i, j] == math.inf:
                 continue
             cost, place = nodes[count, 2], i * n + j
-            if nodes[count, 3] < least or cost >= best[place, k] - SAME:
+            if nodes[count, 3] < least or cost >= best[place, k] - SAME_COST:
                 continue
             best[place, k] = cost
             total = cost + GREED * remaining[i, j]
@@ -188,7 +188,7 @@ def find_way(field: Field, search: Search, memory: Array, way: Array) -> int:
 
 @compiled
 def begin_tree(field: Field, tree: Tree) -> None:
-    """Write the first node: where the robot is."""
+    """Write the first node: the robot's pose."""
     node, link = tree.nodes[0], tree.links[0]
     node[0], node[1], node[2], node[4] = 0.0, 0.0, 0.0, 0.0
     node[3] = pose_room(field, 0.0, 0.0, 0.0)
@@ -197,14 +197,14 @@ def begin_tree(field: Field, tree: Tree) -> None:
 
 @compiled_once
 def _bin(half: float, tree: Tree, node: int) -> tuple[int, int, int]:
-    """Return the cell and heading that tell places apart."""
+    """Return the cell and heading that identify a node."""
     x, y = tree.nodes[node, 0], tree.nodes[node, 1]
     return round((x + half) / CELL), round((y + half) / CELL), int(tree.links[node, 0])
 
 
 @compiled_once
 def _arrives(half: float, search: Search, tree: Tree, node: int) -> bool:
-    """Return whether a way may end at a node: near the target, or on the way beyond."""
+    """Return whether a path may end at a node: near the target, or outside the grid."""
     x, y, heading = search.target
     i, j, k = _bin(half, tree, node)
     off = abs(wrap_angle(heading - k * TURN)) if search.turned else 0.0
@@ -217,7 +217,7 @@ def _arrives(half: float, search: Search, tree: Tree, node: int) -> bool:
 
 @compiled_once
 def _least_room(search: Search, tree: Tree, parent: int) -> float:
-    """Return the room that a child must have, m: less where the robot only leaves."""
+    """Return the required margin of a child, m: less while the robot leaves."""
     floor = tree.nodes[parent, 3] - 0.15 * search.loss
     if tree.nodes[parent, 2] < LEAVING:
         floor = min(floor, tree.nodes[0, 3] - search.loss)
@@ -230,7 +230,7 @@ def _drive(field: Field, tree: Tree, parent: int, action: int, child: int) -> No
     drive, turn = ACTIONS[action]
     node, from_, heading = tree.nodes[child], tree.nodes[parent], tree.links[parent, 0]
     link = tree.links[child]
-    start, length, bend = heading * TURN, drive * STEP, turn * TURN
+    start, length, bend = heading * TURN, drive * ARC_LENGTH, turn * TURN
     m_x, m_y, middle = arc(from_[0], from_[1], start, length, bend, 0.5)
     x, y, end = arc(from_[0], from_[1], start, length, bend, 1.0)
     room = min(pose_room(field, m_x, m_y, middle), pose_room(field, x, y, end))
@@ -246,7 +246,7 @@ def _cost(drive: float, turn: float, direction: float, room: float) -> float:
     cost = TURN_COST * abs(turn)
     if drive != 0.0:
         near = 1.0 - max(min(room, AMPLE), 0.0) / AMPLE
-        cost += STEP * (1.0 + NEAR_COST * near * near)
+        cost += ARC_LENGTH * (1.0 + NEAR_COST * near * near)
     if drive < 0.0:
         cost *= REVERSE_COST
     if drive * direction < 0.0:

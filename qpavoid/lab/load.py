@@ -1,4 +1,4 @@
-"""What is named by ``module:Name``, loaded."""
+"""Loading of plug-ins, named ``module:Name``."""
 
 import sys
 from importlib import import_module

@@ -1,1 +1,1 @@
-"""Robot, footprint, obstacles, contacts and kinematics: geometry without any law."""
+"""Robot, footprint, obstacles, contacts and kinematics: geometry, no laws."""

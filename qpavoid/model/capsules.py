@@ -1,8 +1,8 @@
-"""The table of obstacles as compiled functions see it: sensed points, and capsules.
+"""Table of obstacles for compiled functions: sensed points, and capsules.
 
-A capsule is all that lies within a radius of a segment. A disc is one of no length, a
-wall one of no radius, a convex polygon a closed chain of edges, counter-clockwise, in
-contiguous rows of one owner, without radius. Columns of a row:
+A capsule is the set of points within a radius of a segment. A disc is one of length 0,
+a wall one of radius 0, a convex polygon a closed counter-clockwise chain of edges of
+radius 0 in contiguous rows of one owner. Columns of a row:
 
     X1, Y1, X2, Y2    its ends, m
     RADIUS            m
@@ -11,7 +11,7 @@ contiguous rows of one owner, without radius. Columns of a row:
     PIVOT_X, PIVOT_Y  of a polygon the centroid of its area, else the middle, m
     OWNER             number of the obstacle: points, then discs, walls, polygons
 
-In a frame at rest a point e of it is at pivot + v t + R(turn t)(e − pivot) after t
+In an inertial frame a point e of it is at pivot + v t + R(turn t)(e − pivot) after t
 seconds.
 """
 
@@ -38,23 +38,23 @@ X1, Y1, X2, Y2, RADIUS, V_X, V_Y, TURN, PIVOT_X, PIVOT_Y, OWNER = range(11)
 CAPSULE_WIDTH = 11
 
 JOINT = 1e-9
-"""m and rad; walls that go on so exactly are one."""
+"""m and rad; tolerance within which collinear adjoining walls are joined."""
 
 NO_SQUARE = 1e-18
-"""m²; stands for the square of a segment's length where that has none."""
+"""m²; replaces the squared length of a segment of length 0 as a divisor."""
 
 JOINED = 64
-"""Rows; among so many walls are joined, since all are compared with all."""
+"""Rows; at most so many walls are joined, since all pairs are compared."""
 
 
 class Segment(NamedTuple):
-    """A piece of a line: a wall, or the axis of a capsule.
+    """A line segment: a wall, or the axis of a capsule.
 
     Attributes:
         x1: Of one end, m.
-        y1: The same.
-        x2: Of the other end.
-        y2: The same.
+        y1: Of one end, m.
+        x2: Of the other end, m.
+        y2: Of the other end, m.
     """
 
     x1: float
@@ -65,7 +65,7 @@ class Segment(NamedTuple):
 
 @compiled_once
 def is_convex(corners: Array, begin: int, end: int) -> bool:
-    """Return whether these corners turn left, each of them, and once round in all."""
+    """Return whether corners make a strictly convex, counter-clockwise polygon."""
     turned = 0.0
     for i in range(begin, end):
         j = i + 1 if i + 1 < end else begin
@@ -83,7 +83,7 @@ def is_convex(corners: Array, begin: int, end: int) -> bool:
 
 @compiled_once
 def centroid(corners: Array, begin: int, end: int) -> tuple[float, float]:
-    """Return the centroid of the area of a polygon, m: the mean of its triangles."""
+    """Return the centroid of a polygon's area, m: weighted mean of its triangles."""
     x, y = corners[begin, 0], corners[begin, 1]
     area = c_x = c_y = 0.0
     for i in range(begin + 1, end - 1):
@@ -97,12 +97,12 @@ def centroid(corners: Array, begin: int, end: int) -> tuple[float, float]:
 
 
 class Rigid(NamedTuple):
-    """What all capsules of an obstacle have in common.
+    """Properties that all capsules of an obstacle share.
 
     Attributes:
         radius: m.
         v_x: Of the pivot, m/s.
-        v_y: The same.
+        v_y: Of the pivot, m/s.
         turn: rad/s.
         pivot: x, y, m.
         owner: Number of the obstacle.
@@ -137,7 +137,7 @@ def _fill_capsules_fits(
     polygons: Annotated[Matrix, Sizes(0, 4)],
     capsules: CapsulesWritten,
 ) -> bool:
-    """Return whether all have a row and a velocity, and no polygon less than none."""
+    """Return whether the sizes fit: rows, velocities, corners of the polygons."""
     fits = disc_velocities.shape[0] >= discs.shape[0]
     fits = fits and wall_velocities.shape[0] >= walls.shape[0]
     for i in range(polygons.shape[0]):
@@ -159,21 +159,20 @@ def fill_capsules(
     polygons: Annotated[Matrix, Sizes(0, 4)],
     capsules: CapsulesWritten,
 ) -> int:
-    """Fill in the table, and say which polygon is none: convex, counter-clockwise.
+    """Fill in the table; return the first polygon that is not convex.
 
     Args:
-        first: Number of the first of these obstacles: how many points there are.
+        first: Number of the first of these obstacles: the number of points.
         discs: (D, 3) x, y, radius, m.
         disc_velocities: (D, 2) m/s.
         walls: (W, 4) x1, y1, x2, y2, m.
         wall_velocities: (W, 2) m/s.
         corners: (C, 2) vertices of all polygons, one after the other, m.
-        polygons: (P, 4) how many of them it has, v_x, v_y (m/s), turn (rad/s).
+        polygons: (P, 4) number of vertices, v_x, v_y (m/s), turn (rad/s).
         capsules: (D + W + C, 11) filled.
 
     Returns:
-        The first polygon that is not strictly convex and counter-clockwise; −1: all
-        are.
+        The first polygon that is not strictly convex and counter-clockwise, or −1.
     """
     row, owner = 0, first
     for i in range(discs.shape[0]):
@@ -192,7 +191,7 @@ def fill_capsules(
     begin = 0
     for i in range(polygons.shape[0]):
         end = begin + int(polygons[i, 0])
-        # The first wrong one is told by its number: compiled code raises nothing.
+        # The first invalid one is returned: compiled code raises nothing.
         if end > corners.shape[0] or not is_convex(corners, begin, end):
             return i
         p, pivot = polygons[i], centroid(corners, begin, end)
@@ -219,7 +218,7 @@ def chain_end(capsules: Array, i: int) -> int:
 @entry
 @compiled_once
 def _has_length_fits(capsules: Capsules, i: int) -> bool:
-    """Return whether there is such a row."""
+    """Return whether the table has a row i."""
     all_fit: bool = 0 <= i < capsules.shape[0]
     return all_fit
 
@@ -227,7 +226,7 @@ def _has_length_fits(capsules: Capsules, i: int) -> bool:
 @entry_if(_has_length_fits)
 @compiled
 def has_length(capsules: Capsules, i: int) -> bool:
-    """Return whether a capsule is more than a disc."""
+    """Return whether the axis of a capsule has a length: no disc."""
     if capsules[i, X1] != capsules[i, X2] or capsules[i, Y1] != capsules[i, Y2]:
         return True
     return False
@@ -235,14 +234,14 @@ def has_length(capsules: Capsules, i: int) -> bool:
 
 @compiled
 def axis_of(capsules: Array, i: int) -> Segment:
-    """Return the axis of capsule i as it is now."""
+    """Return the present axis of capsule i."""
     c = capsules[i]
     return Segment(c[X1], c[Y1], c[X2], c[Y2])
 
 
 @compiled
 def from_segment(axis: Segment, x: float, y: float) -> tuple[float, float]:
-    """Return the way from the nearest point of a segment to (x, y), m."""
+    """Return the vector from the nearest point of a segment to (x, y), m."""
     s_x, s_y, d_x, d_y = axis.x2 - axis.x1, axis.y2 - axis.y1, x - axis.x1, y - axis.y1
     share = (d_x * s_x + d_y * s_y) / max(s_x * s_x + s_y * s_y, NO_SQUARE)
     share = min(max(share, 0.0), 1.0)
@@ -251,7 +250,7 @@ def from_segment(axis: Segment, x: float, y: float) -> tuple[float, float]:
 
 @compiled
 def holds_point(chain: Array, x: float, y: float) -> bool:
-    """Return whether (x, y) lies within a polygon, whose rows these are."""
+    """Return whether (x, y) lies within a polygon, given by its rows."""
     for i in range(chain.shape[0]):
         d_x, d_y = chain[i, X2] - chain[i, X1], chain[i, Y2] - chain[i, Y1]
         if d_x * (y - chain[i, Y1]) < d_y * (x - chain[i, X1]):
@@ -286,10 +285,10 @@ def velocity_at(capsules: Array, i: int, x: float, y: float) -> tuple[float, flo
 
 @compiled
 def speed_bound(capsules: Array, i: int) -> float:
-    """Return a speed that no point of the axis of capsule i exceeds, m/s.
+    """Return an upper bound of the speed of the axis of capsule i, m/s.
 
     |v| + |turn| times the greatest distance of its ends from the pivot: the distance
-    of the capsule from whatever stands changes at most so fast.
+    of the capsule from any static point changes at most at this rate.
     """
     v_x, v_y = capsules[i, V_X], capsules[i, V_Y]
     speed, turn = math.sqrt(v_x * v_x + v_y * v_y), abs(capsules[i, TURN])
@@ -315,7 +314,7 @@ def greatest_speed(capsules: Capsules) -> float:
 
 @compiled
 def are_as_many(world: Arrays, seen: Arrays) -> bool:
-    """Return whether two are of the same sizes."""
+    """Return whether two tables of obstacles have the same sizes."""
     same = world[0].shape[0] == seen[0].shape[0]
     all_fit: bool = same and world[1].shape[0] == seen[1].shape[0]
     return all_fit
@@ -326,17 +325,17 @@ def are_as_many(world: Arrays, seen: Arrays) -> bool:
 def _in_robot_frame_fits(
     pose: Pose, time: float, world: Arrays, seen: ArraysWritten
 ) -> bool:
-    """Return whether all have a row."""
+    """Return whether ``seen`` has as many rows as ``world``."""
     return are_as_many(world, seen)
 
 
 @entry_if(_in_robot_frame_fits)
 @compiled_once
 def in_robot_frame(pose: Pose, time: float, world: Arrays, seen: ArraysWritten) -> None:
-    """Fill ``seen``: obstacles of the world in the frame of a robot at a pose.
+    """Fill ``seen`` with the obstacles of ``world`` in the robot frame at a pose.
 
     Capsules have moved for ``time`` seconds. Velocities stay those over ground, in
-    robot axes; rates of turn stay as they are.
+    robot axes; rates of turn are unchanged.
     """
     (x, y, heading), (points, capsules) = pose, world
     cos, sin = math.cos(heading), math.sin(heading)
@@ -361,13 +360,13 @@ def in_robot_frame(pose: Pose, time: float, world: Arrays, seen: ArraysWritten) 
 
 
 def like(arrays: Arrays) -> Arrays:
-    """Return memory for as many obstacles."""
+    """Return uninitialised memory for as many obstacles."""
     return np.empty_like(arrays[0]), np.empty_like(arrays[1])
 
 
 @compiled
 def is_plain_wall(capsules: Array, i: int) -> bool:
-    """Return whether a capsule has a length, stands, and is an obstacle by itself."""
+    """Return whether a capsule is a static wall: has a length, no polygon's edge."""
     if i > 0 and capsules[i - 1, OWNER] == capsules[i, OWNER]:
         return False
     if i + 1 < capsules.shape[0] and capsules[i + 1, OWNER] == capsules[i, OWNER]:
@@ -377,9 +376,9 @@ def is_plain_wall(capsules: Array, i: int) -> bool:
 
 @compiled_once
 def lengthened(capsules: Array, i: int, j: int) -> bool:
-    """Lengthen wall i by wall j if that goes on where it ends; return if it does."""
-    # Each end of the one with each end of the other; they must meet, and lie on one
-    # line without turning back.
+    """Extend wall i by wall j if j continues it on a line; return whether it did."""
+    # All pairs of ends: they must coincide, and the walls be collinear without
+    # overlapping.
     if capsules[i, RADIUS] != capsules[j, RADIUS]:
         return False
     for k in range(4):
@@ -401,15 +400,15 @@ def lengthened(capsules: Array, i: int, j: int) -> bool:
 
 @compiled_once
 def join_walls(capsules: Array, joined: Array) -> int:
-    """Copy the capsules, walls that go on straight where others end as one; how many.
+    """Copy the capsules, joining adjoining collinear walls; return their number.
 
-    So that a wall is the same whether it is given in one piece or in several. The
-    first :data:`JOINED` rows are looked at.
+    A wall is then the same in one piece as in several. Only the first :data:`JOINED`
+    rows are compared.
     """
     count, many = 0, min(capsules.shape[0], JOINED)
     for i in range(capsules.shape[0]):
         for column in range(CAPSULE_WIDTH):
-            # A copy: the caller's table is his own.
+            # A copy: the caller's table stays unchanged.
             joined[count, column] = capsules[i, column]
         count += 1
     i = 0
@@ -421,8 +420,7 @@ def join_walls(capsules: Array, joined: Array) -> int:
                     for column in range(CAPSULE_WIDTH):
                         joined[row, column] = joined[row + 1, column]
                 count, many, grown = count - 1, many - 1, True
-                # Row i has moved with those after j, and is looked at again: it may go
-                # on growing.
+                # Row i has moved with those after j; it may grow further.
                 i = i - 1 if j < i else i
                 break
             j += 1

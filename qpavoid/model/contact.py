@@ -8,9 +8,9 @@ For a point or disc outside, the signed distance is continuously differentiable,
 corners too, with gradient −normal with respect to P_r. It is negative inside. A wall
 gives several contacts: its two ends against the footprint, and every footprint corner
 that projects into it; the least of their distances is the distance of the wall, and
-together their rows hold both ends of a side that moves along it. A wall that cuts the
-footprint gives one: the way out. A convex polygon is as many walls, their common ends
-counted once; where it overlaps with the footprint, which may lie wholly inside, it
+together their rows constrain both ends of a side that moves along it. A wall that cuts
+the footprint gives one: the least shift that separates them. A convex polygon counts as
+several walls, their common ends counted once; if it overlaps with the footprint, it
 gives one as well: the least shift that ends the overlap.
 """
 
@@ -22,17 +22,17 @@ from qpavoid.model.capsules import X1, Y1, Segment, axis_of
 from qpavoid.types import Array, Edges
 
 NO_LENGTH = 1e-12
-"""m; below it a direction is nothing but rounding."""
+"""m; shorter vectors have no direction beyond rounding."""
 
 
 class Contact(NamedTuple):
-    """The nearest footprint point P_r, and the way from there to an obstacle.
+    """The nearest footprint point P_r, with the normal towards an obstacle.
 
     Attributes:
         x: P_r in the robot frame, m.
-        y: The same.
+        y: Of P_r, m.
         n_x: Outward unit normal of the footprint at P_r.
-        n_y: The same.
+        n_y: Of the normal.
         distance: Signed, m.
         segment: Edge of the footprint that holds P_r, or faces the obstacle most.
     """
@@ -45,18 +45,18 @@ class Contact(NamedTuple):
     segment: int
 
 
-APART = Contact(0.0, 0.0, 1.0, 0.0, math.inf, -1)
-"""A corner and a wall whose nearest points are others."""
+NO_CONTACT = Contact(0.0, 0.0, 1.0, 0.0, math.inf, -1)
+"""No contact: the nearest points of a corner and a wall are other features."""
 
 
 class Edge(NamedTuple):
-    """A row of the edges of a footprint; see :class:`Footprint`.
+    """One edge of a footprint; see :class:`Footprint`.
 
     Attributes:
         x: Its start in the robot frame, m.
-        y: The same.
+        y: Of the start, m.
         n_x: Outward unit normal; the unit tangent is (−n_y, n_x).
-        n_y: The same.
+        n_y: Of the normal.
         length: m.
     """
 
@@ -77,7 +77,7 @@ def edge_at(edges: Array, row: int) -> Edge:
 
 @compiled
 def corner_at(edges: Array, corner: int) -> tuple[float, float]:
-    """Return a corner of the footprint, m: where the edge of its number starts."""
+    """Return a corner of the footprint, m: the start of the edge of that number."""
     edge = edge_at(edges, corner)
     return edge.x, edge.y
 
@@ -104,8 +104,8 @@ def point_contact(edges: Edges, x: float, y: float) -> Contact:
     edge = edge_at(edges, segment)
     n_x, n_y = edge.n_x, edge.n_y
     along = n_x * (y - edge.y) - n_y * (x - edge.x)
-    # Beyond the ends of this edge the nearest point is a corner, and the normal points
-    # from there.
+    # Beyond the ends of this edge the nearest point is a corner, which the normal
+    # starts from.
     if greatest > 0.0 and not 0.0 <= along <= edge.length:
         corner = segment if along < 0.0 else segment + 1
         if corner == edges.shape[0]:
@@ -113,7 +113,7 @@ def point_contact(edges: Edges, x: float, y: float) -> Contact:
         p_x, p_y = corner_at(edges, corner)
         d_x, d_y = x - p_x, y - p_y
         distance = math.sqrt(d_x * d_x + d_y * d_y)
-        # On the corner itself the edge's normal is as good as any in between.
+        # On the corner itself any normal between the edges' is valid.
         if distance > NO_LENGTH:
             n_x, n_y = d_x / distance, d_y / distance
         return Contact(p_x, p_y, n_x, n_y, distance, segment)
@@ -123,19 +123,19 @@ def point_contact(edges: Edges, x: float, y: float) -> Contact:
 
 @compiled_once
 def corner_contact(edges: Array, corner: int, wall: Segment) -> Contact:
-    """Return the contact of one footprint corner with the inside of a wall.
+    """Return the contact of one footprint corner with the interior of a wall.
 
-    A corner that projects beyond the wall's ends is apart: there the end is nearer.
+    :data:`NO_CONTACT` if the corner projects beyond the wall's ends: an end is nearer.
     """
     x1, y1, x2, y2 = wall
     length = math.sqrt((x2 - x1) ** 2 + (y2 - y1) ** 2)
     if length < NO_LENGTH:
-        return APART
+        return NO_CONTACT
     t_x, t_y = (x2 - x1) / length, (y2 - y1) / length
     p_x, p_y = corner_at(edges, corner)
-    # At the ends themselves point_contact says the same.
+    # At the ends themselves point_contact gives the same.
     if not 0.0 < t_x * (p_x - x1) + t_y * (p_y - y1) < length:
-        return APART
+        return NO_CONTACT
     distance = t_x * (y1 - p_y) - t_y * (x1 - p_x)
     side = 1.0 if distance >= 0.0 else -1.0
     n_x, n_y = -side * t_y, side * t_x
@@ -145,7 +145,7 @@ def corner_contact(edges: Array, corner: int, wall: Segment) -> Contact:
 
 @compiled_once
 def facing_segment(edges: Array, corner: int, n_x: float, n_y: float) -> int:
-    """Return which of the two edges at a corner faces the direction (n_x, n_y) more."""
+    """Return the one of the two edges at a corner that faces (n_x, n_y) more."""
     other = (corner - 1) % edges.shape[0]
     after, before = edge_at(edges, corner), edge_at(edges, other)
     facing = n_x * after.n_x + n_y * after.n_y
@@ -155,13 +155,13 @@ def facing_segment(edges: Array, corner: int, n_x: float, n_y: float) -> int:
 
 @compiled_once
 def wall_separation(edges: Array, wall: Segment) -> Contact:
-    """Return the contact along the direction in which footprint and wall part soonest.
+    """Return the contact along the axis of least overlap of footprint and wall.
 
-    Two convex sets are apart if and only if a normal of one of their edges separates
-    them [Gottschalk1996]. The distance is the greatest separation over these
-    directions: if it is negative, minus the least shift that ends the overlap.
+    Two convex sets are disjoint if and only if a normal of one of their edges separates
+    them [Gottschalk1996]. The distance is the greatest separation over these normals;
+    if negative, it is minus the least shift that ends the overlap.
     """
-    greatest, contact = -math.inf, APART
+    greatest, contact = -math.inf, NO_CONTACT
     x1, y1, x2, y2 = wall
     for i in range(edges.shape[0]):
         a_x, a_y, n_x, n_y, edge_length = edge_at(edges, i)
@@ -178,7 +178,7 @@ def wall_separation(edges: Array, wall: Segment) -> Contact:
     length = math.sqrt((x2 - x1) ** 2 + (y2 - y1) ** 2)
     if length < NO_LENGTH:
         return contact
-    # A wall has no inside: both of its normals may separate.
+    # A wall has no interior: both of its normals may separate.
     for side in (-1.0, 1.0):
         n_x, n_y = -side * (y2 - y1) / length, side * (x2 - x1) / length
         least, corner = side_separation(edges, (n_x, n_y), (x1, y1))
@@ -194,9 +194,9 @@ def wall_separation(edges: Array, wall: Segment) -> Contact:
 def side_separation(
     edges: Array, normal: tuple[float, float], place: tuple[float, float]
 ) -> tuple[float, int]:
-    """Return how far before a line through a place the footprint ends, m; its corner.
+    """Return the distance of a line from the footprint, m, and the nearest corner.
 
-    Along the unit normal of the line.
+    ``normal``: unit normal of the line; ``place``: a point of it.
     """
     (n_x, n_y), (x, y), least, corner = normal, place, math.inf, 0
     for i in range(edges.shape[0]):
@@ -209,9 +209,9 @@ def side_separation(
 
 @compiled_once
 def wall_contact(edges: Array, wall: Segment) -> Contact:
-    """Return the nearest of a wall's contacts; the way out where it cuts."""
+    """Return the nearest contact of a wall; that of the overlap if it cuts."""
     contact = wall_separation(edges, wall)
-    # Cut: the distances of ends and corners say nothing about the way out.
+    # Cut: the distances of ends and corners do not give the separating shift.
     if contact.distance <= 0.0:
         return contact
     contact = point_contact(edges, wall.x1, wall.y1)
@@ -227,12 +227,12 @@ def wall_contact(edges: Array, wall: Segment) -> Contact:
 
 @compiled_once
 def polygon_separation(edges: Array, chain: Array) -> Contact:
-    """Return the contact in the direction in which footprint and polygon part soonest.
+    """Return the contact along the axis of least overlap of footprint and polygon.
 
-    As :func:`wall_separation`, over the normals of the footprint's edges and those of
-    the polygon: it holds where one lies wholly within the other, too.
+    As :func:`wall_separation`, over the normals of the edges of both; it holds where
+    one lies wholly within the other, too.
     """
-    greatest, contact = -math.inf, APART
+    greatest, contact = -math.inf, NO_CONTACT
     for i in range(edges.shape[0]):
         a_x, a_y, n_x, n_y, edge_length = edge_at(edges, i)
         least, x, y = math.inf, 0.0, 0.0
@@ -261,9 +261,9 @@ def polygon_separation(edges: Array, chain: Array) -> Contact:
 
 @compiled
 def separation(edges: Array, chain: Array) -> Contact:
-    """Return the contact that says whether an obstacle with a length is cut, or holds.
+    """Return the contact along the axis of least overlap, negative if they overlap.
 
-    ``chain``: its rows of the table. Of a capsule it is that of its axis.
+    ``chain``: rows of an obstacle with a length. Of a capsule it is that of its axis.
     """
     if chain.shape[0] > 1:
         return polygon_separation(edges, chain)
@@ -272,10 +272,10 @@ def separation(edges: Array, chain: Array) -> Contact:
 
 @compiled
 def feature_count(edges: Array, chain: Array) -> int:
-    """Return how many contacts an obstacle with a length can have.
+    """Return the greatest number of contacts of an obstacle with a length.
 
-    A wall its two ends, and every corner of the footprint; each edge of a polygon one
-    of its ends, and the corners.
+    Of a wall its two ends and each corner of the footprint; of each edge of a polygon
+    one end and each corner.
     """
     corners, sides = int(edges.shape[0]), int(chain.shape[0])
     return sides * (1 + corners) if sides > 1 else 2 + corners
@@ -283,9 +283,9 @@ def feature_count(edges: Array, chain: Array) -> int:
 
 @compiled_once
 def feature_contact(edges: Array, chain: Array, feature: int) -> Contact:
-    """Return one of these contacts; of a capsule that of its axis.
+    """Return one of the contacts that :func:`feature_count` counts; of the axis.
 
-    A corner behind an edge of a polygon is apart from it: others are nearer.
+    :data:`NO_CONTACT` for a corner behind an edge of a polygon: others are nearer.
     """
     row, part, ends = 0, feature, 2
     if chain.shape[0] > 1:
@@ -298,9 +298,9 @@ def feature_contact(edges: Array, chain: Array, feature: int) -> Contact:
         return point_contact(edges, axis.x2, axis.y2)
     contact = corner_contact(edges, part - ends, axis)
     behind = (axis.x2 - axis.x1) * contact.n_y < (axis.y2 - axis.y1) * contact.n_x
-    # Of a polygon only the outer side of an edge can be met.
+    # Only the outer side of a polygon's edge can be in contact.
     if ends == 1 and contact.segment >= 0 and behind:
-        return APART
+        return NO_CONTACT
     return contact
 
 

@@ -1,4 +1,4 @@
-"""All contacts of a footprint with its obstacles: the table that every method reads."""
+"""Contacts of a footprint with all obstacles, as a table for every method."""
 
 import math
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from qpavoid.model.capsules import (
     velocity_at,
 )
 from qpavoid.model.contact import (
-    APART,
+    NO_CONTACT,
     Contact,
     feature_contact,
     feature_count,
@@ -38,16 +38,16 @@ Names: TypeAlias = npt.NDArray[np.int64]
 
 
 class ObstacleContact(NamedTuple):
-    """A row of the table: a contact with an obstacle.
+    """One row of the table: a contact with an obstacle.
 
     Attributes:
         x: P_r in the robot frame, m.
-        y: The same.
+        y: Of P_r, m.
         n_x: Outward normal there.
-        n_y: The same.
-        distance: Of the surface of the obstacle, signed, m.
+        n_y: Of the normal.
+        distance: To the surface of the obstacle, signed, m.
         v_x: Over ground, of the obstacle's point nearest to P_r, m/s.
-        v_y: The same.
+        v_y: Of the velocity, m/s.
         obstacle: Its number.
         segment: Edge of the footprint.
     """
@@ -71,13 +71,13 @@ OBSTACLE_V_X, OBSTACLE_V_Y, OBSTACLE, SEGMENT = range(5, CONTACT_WIDTH)
 
 
 MOST_COUNTED = 1_000_000_000
-"""Contacts; more are counted as so many, for which no memory suffices either."""
+"""Greatest number of contacts; more are counted as this many, and do not fit."""
 
 
 @entry
 @compiled_once
 def _contact_at_fits(contacts: ContactRows, row: int) -> bool:
-    """Return whether there is such a row."""
+    """Return whether the table has such a row."""
     all_fit: bool = 0 <= row < contacts.shape[0]
     return all_fit
 
@@ -85,7 +85,7 @@ def _contact_at_fits(contacts: ContactRows, row: int) -> bool:
 @entry_if(_contact_at_fits)
 @compiled
 def contact_at(contacts: ContactRows, row: int) -> ObstacleContact:
-    """Return a row of the table."""
+    """Return a row of the table as a record."""
     c = contacts[row]
     obstacle, segment = int(c[OBSTACLE]), int(c[SEGMENT])
     # fmt: off
@@ -97,7 +97,7 @@ def contact_at(contacts: ContactRows, row: int) -> ObstacleContact:
 @entry
 @compiled_once
 def _nearest_distance_fits(contacts: ContactRows, nearest: int) -> bool:
-    """Return whether there is such a row, or none is meant."""
+    """Return whether the table has such a row, or ``nearest`` is −1."""
     all_fit: bool = nearest < contacts.shape[0]
     return all_fit
 
@@ -105,7 +105,7 @@ def _nearest_distance_fits(contacts: ContactRows, nearest: int) -> bool:
 @entry_if(_nearest_distance_fits)
 @compiled
 def nearest_distance(contacts: ContactRows, nearest: int) -> float:
-    """Return the distance in the row of the nearest contact, m; ∞ where it is −1."""
+    """Return the distance of the nearest contact, m; ∞ if ``nearest`` is −1."""
     distance: float = contacts[nearest, DISTANCE] if nearest >= 0 else math.inf
     return distance
 
@@ -119,7 +119,7 @@ def _contact_table_fits(
     reach: float,
     contacts: ContactRowsWritten,
 ) -> bool:
-    """Return whether all contacts have a row."""
+    """Return whether the table has room for all contacts."""
     all_fit: bool = contacts.shape[0] >= most_contacts(edges, obstacles)
     return all_fit
 
@@ -133,23 +133,22 @@ def contact_table(
     reach: float,
     contacts: ContactRowsWritten,
 ) -> tuple[int, int]:
-    """Fill ``contacts`` with those within reach, and always the nearest one.
+    """Fill ``contacts`` with the contacts within reach and the nearest one.
 
-    An obstacle that is farther than the reach from the circle round the origin that
-    holds the footprint, and farther than the least distance so far, is passed over at
-    the cost of a comparison: that never changes what lies within reach.
+    An obstacle farther than the reach from the circumscribed circle of the footprint,
+    and farther than the least distance so far, is skipped at the cost of a comparison:
+    contacts within reach are never skipped.
 
     Args:
         edges: Edges of the footprint, as in :class:`Footprint`.
         circumradius: Of the footprint round the origin, m.
         obstacles: Points and capsules; see :class:`Obstacles`.
-        reach: Distance from the footprint that matters to the caller, m.
+        reach: Greatest distance from the footprint of interest, m.
         contacts: of :func:`empty_contacts`, filled: see :class:`ObstacleContact`.
 
     Returns:
-        How many there are, and the row of least distance, the first of equal ones, or
-        −1 if there is no contact. A row −2 says that a number is not finite or a radius
-        negative.
+        The number of contacts, and the row of least distance, the first of equal ones;
+        −1 if there is no contact, −2 if a number is not finite or a radius negative.
     """
     points, capsules = obstacles
     count, nearest = point_contacts(edges, points, (circumradius, reach), contacts)
@@ -157,14 +156,13 @@ def contact_table(
     while end < capsules.shape[0] and nearest > -2:
         begin, end = end, chain_end(capsules, end)
         chain = capsules[begin:end]
-        # What may be nearer than the least so far counts beyond the reach, too: the
-        # clearance is told in any case.
+        # The nearest obstacle counts beyond the reach, too: it is the clearance.
         far = passed_over(chain, circumradius, max(reach, least))
         if far < 0:
             return 0, -2
         if far > 0:
             continue
-        features, overlap = 1, APART
+        features, overlap = 1, NO_CONTACT
         if has_length(chain, 0):
             overlap = separation(edges, chain)
             if overlap.distance > 0.0:
@@ -174,7 +172,7 @@ def contact_table(
             if overlap.distance > 0.0:
                 contact = feature_contact(edges, chain, feature)
             distance = contact.distance - chain[0, RADIUS]
-            # The nearest is kept even beyond the reach.
+            # The nearest is stored even beyond the reach.
             if distance < least:
                 nearest, least = count, distance
             elif distance > reach or contact.segment < 0:
@@ -188,7 +186,7 @@ def contact_table(
 def point_contacts(
     edges: Array, points: Array, within: tuple[float, float], contacts: Array
 ) -> tuple[int, int]:
-    """Fill in those of the points; ``within``: circumradius and reach, m."""
+    """Fill in the contacts of points; ``within``: circumradius and reach, m."""
     count, nearest, least, beyond = 0, -1, math.inf, math.inf
     for i in range(points.shape[0]):
         x, y = points[i, 0], points[i, 1]
@@ -199,7 +197,7 @@ def point_contacts(
         contact = point_contact(edges, x, y)
         if contact.distance < least:
             nearest, least = count, contact.distance
-            # Squared once for every new least, not rooted for every point.
+            # One square per new minimum instead of a root per point.
             beyond = (within[0] + max(within[1], least)) ** 2
         elif contact.distance > within[1]:
             continue
@@ -212,16 +210,15 @@ def point_contacts(
 
 @compiled_once
 def passed_over(chain: Array, circumradius: float, within: float) -> int:
-    """Return 1 if an obstacle is farther than ``within`` m from the footprint, else 0.
+    """Return 1 if an obstacle is certainly farther than ``within`` m, 0 if not.
 
-    Told by the circle round its pivot that holds it, so that 0 may stand for more.
-    −1: a number of it is not finite, or its radius negative.
+    Decided by its circumscribed circle round the pivot. −1 if one of its numbers is not
+    finite, or its radius negative.
     """
     x, y, square = chain[0, PIVOT_X], chain[0, PIVOT_Y], 0.0
     for i in range(chain.shape[0]):
         x1, y1, x2, y2 = axis_of(chain, i)
-        # A sum is not finite if one of its terms is not; and NaN fails every
-        # comparison.
+        # A sum is not finite if one of its terms is not; NaN fails comparisons.
         size = abs(x1) + abs(y1) + abs(x2) + abs(y2) + abs(x) + abs(y)
         size += abs(chain[i, V_X]) + abs(chain[i, V_Y]) + abs(chain[i, TURN])
         if not (size + chain[i, RADIUS] < FARTHEST and chain[i, RADIUS] >= 0.0):
@@ -244,7 +241,7 @@ def set_contact(contacts: Array, row: int, contact: ObstacleContact) -> None:
 
 @compiled
 def capsule_contact(contact: Contact, chain: Array) -> ObstacleContact:
-    """Return the contact with an axis as that with its capsule, v_o nearest to P_r."""
+    """Return the contact with a capsule from that with its axis; v_o nearest P_r."""
     p_x, p_y, n_x, n_y, distance, segment = contact
     distance = distance - chain[0, RADIUS]
     v_x, v_y = velocity_at(chain, 0, p_x + distance * n_x, p_y + distance * n_y)
@@ -255,7 +252,7 @@ def capsule_contact(contact: Contact, chain: Array) -> ObstacleContact:
 @entry
 @compiled
 def most_contacts(edges: Edges, obstacles: Arrays) -> int:
-    """Return how many contacts there can be; see :func:`feature_count`."""
+    """Return the greatest number of contacts; see :func:`feature_count`."""
     capsules, end = obstacles[1], 0
     count = len(obstacles[0])
     while end < len(capsules):
@@ -269,12 +266,12 @@ def most_contacts(edges: Edges, obstacles: Arrays) -> int:
 
 
 def empty_contacts(edges: Array, obstacles: Arrays) -> Array:
-    """Return a table that all contacts fit into, to be filled."""
+    """Return an uninitialised table with room for all contacts."""
     return np.empty((most_contacts(edges, obstacles), CONTACT_WIDTH))
 
 
 def clearance_of(footprint: Footprint, obstacles: Arrays) -> float:
-    """Return the signed distance of the nearest obstacle, m; ∞ if there is none."""
+    """Return the signed distance of the nearest obstacle, m; ∞ without obstacles."""
     contacts = empty_contacts(footprint.edges, obstacles)
     _, nearest = contact_table(
         footprint.edges, footprint.circumradius, obstacles, 0.0, contacts

@@ -13,11 +13,11 @@ tracking index Λ = a T²/σ [Kalata1984]: with ρ = √(1 − α),
 
     β = Λ ρ,   α = √(2β + β²/12) − β/2.
 
-Behind an obstacle that keeps accelerating with a it then lags by σ ρ in position and by
-a T (α/β − 1/2) in velocity: less than √(2 a σ) up to T = √(σ/a), which it tends to the
-oftener positions come, since the bandwidth √(a/σ) does not depend on their rate.
-Acceleration that is constant within an interval, as in [Kalata1984], would be a worse
-model: where T > √(σ/a), velocities ring if an obstacle changes it in between.
+Behind an obstacle of constant acceleration a it then lags by σ ρ in position and by
+a T (α/β − 1/2) in velocity: less than √(2 a σ) up to T = √(σ/a), and near it at high
+rates, since the bandwidth √(a/σ) does not depend on T. Acceleration that is constant
+within an interval, as in [Kalata1984], is a worse model: for T > √(σ/a) velocities ring
+if an obstacle changes its acceleration in between.
 """
 
 import math
@@ -35,19 +35,19 @@ from qpavoid.settings import Range, check, want
 from qpavoid.types import Array
 
 SOUND = Range(ge=1e-6, le=1e6, allow_inf_nan=False)
-"""What a setting may be, in its unit: fourth powers of it stay numbers."""
+"""Range of the settings, in their units: fourth powers stay finite."""
 
 
 @dataclass(frozen=True)
 class EstimatorSettings:
-    """What is known about obstacles before they are seen, and about the sensor.
+    """Prior knowledge of obstacles and sensor.
 
     Attributes:
-        acceleration: a, m/s²: what obstacles may accelerate with. More follows a turn
-            faster and smooths less.
-        noise: σ, m: standard deviation of a measured position, per axis. More smooths
-            more and follows later.
-        speed: m/s: how fast an obstacle that has been seen once may be.
+        acceleration: a, m/s²: greatest acceleration of obstacles. A larger value
+            follows a turn faster and smooths less.
+        noise: σ, m: standard deviation of a measured position, per axis. A larger value
+            smooths more and follows later.
+        speed: m/s: greatest speed of an obstacle that has been seen once.
         forget: s; an id not seen for longer is a new obstacle when it comes back.
     """
 
@@ -59,18 +59,18 @@ class EstimatorSettings:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             as_number(value, name)
-        check(self, "estimation wants")
+        check(self, "estimation needs")
 
 
 class Motion(NamedTuple):
-    """Where obstacles are and how they move, in the frame of the measurements.
+    """Positions and velocities of obstacles in the frame of the measurements.
 
     Attributes:
         positions: (n, 2) filtered, m; never less certain than the measured ones.
         velocities: (n, 2) over ground, m/s.
-        uncertainty: (n,) m/s, how far the velocity may be off in any one direction:
+        uncertainty: (n,) m/s, bound of the velocity's error in any direction:
             2 √P_vv + √(2 a σ ρ), two standard deviations and the lag. At a constant T
-            and without noise, no history of accelerations up to a leads out of it.
+            and without noise, it holds for all accelerations up to a.
     """
 
     positions: Array
@@ -79,15 +79,15 @@ class Motion(NamedTuple):
 
 
 class VelocityEstimator:
-    """Estimates velocities from positions that come with an id, at any times.
+    """Estimator of velocities from positions with ids, at any times.
 
-    An obstacle that is seen for the first time gets velocity 0 with the uncertainty
-    ``speed``. It is not known to stand still: who needs to be safe until the second
-    sight lets it come nearer with velocity plus uncertainty, from the first call on.
+    An obstacle seen for the first time has velocity 0 with uncertainty ``speed``. It
+    need not be at rest: to be safe until the second measurement, use velocity plus
+    uncertainty from the first call on.
 
-    An id stands for the same obstacle from call to call; a tracker that exchanges two
-    ids makes velocities that nobody has. Positions are in a frame that is fixed to the
-    ground: in the robot frame, the robot's own motion would be estimated with them.
+    An id names the same obstacle from call to call; a tracker that exchanges two ids
+    makes wrong velocities. Positions are in a frame fixed to the ground: in the robot
+    frame, the robot's own motion would be estimated with them.
 
     Args:
         settings: Noise, acceleration, first speed and memory.
@@ -108,9 +108,8 @@ class VelocityEstimator:
     ) -> Motion:
         """Return the motion of the obstacles that were measured at ``time``.
 
-        Ids that are missing go on unseen until ``forget`` is over. An id that has been
-        measured at this very time already keeps that estimate: a message that comes
-        twice changes nothing.
+        Missing ids are predicted until ``forget`` is over. An id that was already
+        measured at this time keeps its estimate: a repeated message changes nothing.
 
         Args:
             time: When the positions were measured, s, on any clock; not when they
@@ -119,7 +118,7 @@ class VelocityEstimator:
             positions: (n, 2) x, y in m, fixed frame.
 
         Raises:
-            InvalidInputError: Shapes or numbers do not fit, an id comes twice, or time
+            InvalidInputError: Shapes or numbers do not fit, an id is repeated, or time
                 runs backwards. The estimator is then as it was before the call.
         """
         time = self._as_time(time)
@@ -142,8 +141,7 @@ class VelocityEstimator:
         time = as_number(time, "time")
         if not abs(time) < FARTHEST:
             raise InvalidInputError(f"time must be finite, not {time}")
-        # A clock that runs backwards would make negative intervals, and a covariance
-        # that is none.
+        # A negative interval would make the covariance indefinite.
         if time < self._time:
             raise InvalidInputError(
                 f"time runs backwards, from {self._time:g} to {time:g} s; "
@@ -171,7 +169,7 @@ def as_sightings(
         raise InvalidInputError(f"{many} ids for {len(measured)} positions")
     if different < len(names):
         twice = next(name for name in names if names.count(name) > 1)
-        raise InvalidInputError(f"the id {twice!r} comes twice")
+        raise InvalidInputError(f"the id {twice!r} is repeated")
     finite = (np.abs(measured) < FARTHEST).all(axis=1)
     if not finite.all():
         row = int(np.argmin(finite))
@@ -183,7 +181,7 @@ def as_sightings(
 
 
 def first_sight(time: float, measured: Array, noise: float, speed: float) -> Array:
-    """Return tracks (n, 8): last seen, x, y, v_x, v_y, P_pp, P_pv, P_vv."""
+    """Return tracks (n, 8): time last seen, x, y, v_x, v_y, P_pp, P_pv, P_vv."""
     tracks = np.zeros((len(measured), 8))
     tracks[:, 0] = time
     tracks[:, 1:3] = measured
@@ -213,7 +211,7 @@ def kalman_step(
     after[:, 3:5] = tracks[:, 3:5] + gain[:, None] * innovation
     after[:, 5] = alpha * noise**2
     after[:, 6] = gain * noise**2
-    # Rounding may take it below 0, whose root is the uncertainty.
+    # Rounding may make it negative; its root is the uncertainty.
     after[:, 7] = np.maximum(p_vv - gain * p_pv, 0.0)
     return np.where(dt[:, None] > 0.0, after, tracks)
 

@@ -10,11 +10,11 @@ from qpavoid.errors import InvalidInputError
 from qpavoid.types import Array
 
 CORNER, ONCE_ROUND = 1e-9, 7.0
-"""Sine of the least turn that makes a corner; rad, between one whole turn and two."""
+"""Sine of the least turn of a corner; rad, a bound between one whole turn and two."""
 
 
 def why_not_convex(vertices: Array) -> str:
-    """Return what is wrong with the corners (n, 2) of a polygon, m; empty: nothing."""
+    """Return the fault of the corners (n, 2) of a polygon, m; empty if convex."""
     side = np.roll(vertices, -1, axis=0) - vertices
     length, following = np.hypot(*side.T), np.roll(side, -1, axis=0)
     turn = side[:, 0] * following[:, 1] - side[:, 1] * following[:, 0]
@@ -26,16 +26,16 @@ def why_not_convex(vertices: Array) -> str:
     if not left.any() and right.any():
         return "are clockwise"
     if right.any() or left.all():
-        return "go round a polygon that is dented, or crosses itself"
+        return "make a polygon that is not convex, or crosses itself"
     return "repeat a corner, or have one on a side"
 
 
 @dataclass(frozen=True, eq=False)
 class Footprint:
-    """A convex polygon in the robot frame; the origin is the middle of the axle.
+    """Convex polygon in the robot frame, whose origin is the middle of the axle.
 
     Attributes:
-        vertices: (n, 2) corners in m, counter-clockwise, each a true corner.
+        vertices: (n, 2) corners in m, counter-clockwise, none of 180°.
         edges: (n, 5) edge i, from vertex i to the next: a_x, a_y (its start, m),
             n_x, n_y (outward unit normal), length (m). The unit tangent is
             (−n_y, n_x). Read-only, as is ``vertices``.
@@ -97,7 +97,7 @@ class Footprint:
         least = math.atan2(width, length)
         if not least < tip_angle < math.pi / 2:
             raise InvalidInputError(
-                f"tip angle {math.degrees(tip_angle):.4g} deg: Eq. 8 wants more than "
+                f"tip angle {math.degrees(tip_angle):.4g} deg: Eq. 8 needs more than "
                 f"atan(D/L) = {math.degrees(least):.4g} deg (and less than 90 deg)"
             )
         half_length, half_width = length / 2, width / 2
@@ -136,10 +136,9 @@ class Footprint:
 
 
 def offset_outline(vertices: Array, distance: float, corner: int = 16) -> Array:
-    """Return the outline (n, 2) of all that is within ``distance`` of a footprint.
+    """Return the outline (n, 2) of the points within ``distance`` m of a footprint.
 
-    Straight along the sides, round at the corners, by ``corner`` points each; same
-    frame as ``vertices``.
+    Corners are rounded by ``corner`` points each; same frame as ``vertices``.
     """
     normals = Footprint(vertices).edges[:, 2:4]
     after = np.arctan2(normals[:, 1], normals[:, 0])[:, None]

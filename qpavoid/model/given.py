@@ -1,4 +1,4 @@
-"""Obstacles as a caller gives them, and the table that is made of them."""
+"""Validation of obstacles from a caller, and their table."""
 
 from typing import Any, NamedTuple
 
@@ -26,7 +26,7 @@ NO_CAPSULES = np.empty((0, CAPSULE_WIDTH))
 
 
 class Given(NamedTuple):
-    """Obstacles as a caller gives them, of the right shapes.
+    """Validated obstacles from a caller.
 
     Attributes:
         points: (N, 2) m.
@@ -48,7 +48,7 @@ class Given(NamedTuple):
 
     @property
     def table(self) -> Array:
-        """The capsules; a polygon that is not convex is an error, if it is finite."""
+        """(M, 11) capsules; InvalidInputError for a polygon that is not convex."""
         corners, polygons = NO_POINTS, NO_CHAINS
         if self.polygons:
             corners = np.concatenate(self.polygons)
@@ -56,7 +56,7 @@ class Given(NamedTuple):
             polygons = np.column_stack([sizes, self.polygon_velocities])
         rows = len(self.discs) + len(self.walls) + len(corners)
         capsules = np.empty((rows, CAPSULE_WIDTH))
-        if rows == 0:  # so that no machine code is wanted where a module is imported
+        if rows == 0:  # imports must not need machine code
             return capsules
         given = (len(self.points), *self[1:5], corners, polygons)
         wrong = fill_capsules(*given, capsules)
@@ -91,7 +91,7 @@ def given_obstacles(
     polygon_velocities: npt.ArrayLike = NO_TURNS,
     wall_velocities: npt.ArrayLike = NO_POINTS,
 ) -> Given:
-    """Return the arrays with the right shapes; absent velocities become rest.
+    """Return the arrays in the right shapes; missing velocities are 0.
 
     Args:
         points: (N, 2) m.
@@ -119,7 +119,7 @@ def given_obstacles(
 
 
 def obstacle_arrays(points: npt.ArrayLike, others: tuple[npt.ArrayLike, ...]) -> Arrays:
-    """Return the table, uncopied points in it; of points alone at no further cost.
+    """Return points, uncopied, and the table of capsules.
 
     ``others``: the next five arguments of :func:`given_obstacles`.
     """

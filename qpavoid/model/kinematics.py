@@ -9,8 +9,8 @@ from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.types import Array, Pose, Twist
 
 STRAIGHT, TINY = 1e-4, 1e-9
-"""rad of half an arc, below which sin φ/φ is 1 − φ²/6 to the last digit; what stands
-for 0 where something is divided by it."""
+"""rad of half an arc, below which sin φ/φ is 1 − φ²/6 to the last digit; least
+divisor."""
 
 
 @entry
@@ -56,7 +56,7 @@ def arc(
 @entry
 @compiled
 def integrate(pose: Pose, twist: Twist, lateral: float, dt: float) -> Pose:
-    """Return the pose after ``dt`` of a base that also moves to its left, m/s.
+    """Return the pose after ``dt`` of a base with a lateral velocity, m/s to its left.
 
     The sum of two arcs, of v along γ and of ``lateral`` along γ + π/2: exact for
     constant velocities in the frame that turns with ω. With 0 it is :func:`arc`.
@@ -70,13 +70,13 @@ def integrate(pose: Pose, twist: Twist, lateral: float, dt: float) -> Pose:
 
 
 class Frame(NamedTuple):
-    """A pose whose heading is known by its cosine and sine.
+    """A pose with the cosine and sine of its heading.
 
     Attributes:
         x: m.
         y: m.
         cos: Of the heading.
-        sin: The same.
+        sin: Of the heading.
     """
 
     x: float
@@ -88,13 +88,13 @@ class Frame(NamedTuple):
 @entry
 @compiled_once
 def moved_on(frame: Frame, v: float, omega: float, time: float) -> Frame:
-    """Return where a constant twist leads from a frame: :func:`arc`, by two sines."""
+    """Return the frame after a constant twist: :func:`arc` with two sines."""
     half = 0.5 * omega * time
     cos, sin = math.cos(half), math.sin(half)
     sinc = sin / half if abs(half) > STRAIGHT else 1.0 - half * half / 6.0
     chord = v * time * sinc
     d_x, d_y = chord * cos, chord * sin
-    # The whole turn by its half: two sines for an arc instead of four.
+    # The whole turn from its half: two sines for an arc instead of four.
     turn_cos, turn_sin = 1.0 - 2.0 * sin * sin, 2.0 * sin * cos
     return Frame(
         frame.x + frame.cos * d_x - frame.sin * d_y,

@@ -1,7 +1,7 @@
 """Obstacles: sensed points, discs, walls and convex polygons, in one table.
 
-The table, its columns and the motion are those of :mod:`qpavoid.model.capsules`; what
-a caller gives is read by :mod:`qpavoid.model.given`.
+The table, its columns and the motion are those of :mod:`qpavoid.model.capsules`;
+arguments are validated by :mod:`qpavoid.model.given`.
 """
 
 from collections.abc import Sequence
@@ -32,9 +32,9 @@ from qpavoid.types import Array, Arrays, Pose
 
 @dataclass(frozen=True, eq=False, slots=True, init=False)
 class Obstacles:
-    """Everything that must not be touched, in one frame.
+    """Obstacles in one frame.
 
-    Obstacles are numbered points first, then discs, walls, polygons. It is made of
+    They are numbered: points first, then discs, walls, polygons. Arguments:
 
     - ``points`` (N, 2): x, y in m; a sensed point is a disc of radius 0 at rest;
     - ``discs`` (D, 3): x, y, radius in m; ``disc_velocities`` (D, 2) in m/s;
@@ -83,7 +83,7 @@ class Obstacles:
 
     @classmethod
     def of(cls, points: Array, capsules: Array) -> "Obstacles":
-        """Return obstacles of rows of tables, unchecked, numbered anew.
+        """Return obstacles of the rows of tables, unchecked, numbered anew.
 
         Neighbouring rows of one owner are one obstacle.
         """
@@ -98,7 +98,7 @@ class Obstacles:
 
     @property
     def arrays(self) -> Arrays:
-        """Points and capsules, as the compiled functions take them."""
+        """Points and capsules, for compiled functions."""
         return self.points, self.capsules
 
     @property
@@ -114,17 +114,17 @@ class Obstacles:
 
     @property
     def sizes(self) -> npt.NDArray[np.int64]:
-        """(n,) how many rows these have: a polygon that of its edges, the others 1."""
+        """(n,) rows per obstacle among the capsules: a polygon's edges, else 1."""
         return np.bincount(np.cumsum(self._are_first) - 1)
 
     @property
     def chains(self) -> list[Array]:
-        """The rows of every obstacle among the capsules."""
+        """Rows of every obstacle among the capsules."""
         return np.split(self.capsules, self.starts[1:]) if len(self.capsules) else []
 
     @property
     def lengthy(self) -> list[Array]:
-        """The rows of every wall and polygon."""
+        """Rows of every wall and polygon."""
         rows = np.column_stack([self.starts, self.sizes])[~self.is_disc[self.starts]]
         return [self.capsules[k : k + n] for k, n in rows.tolist()]
 
@@ -176,9 +176,9 @@ class Obstacles:
 
     @property
     def as_discs(self) -> "Obstacles":
-        """The same with a disc in place of every capsule: the least round its pivot.
+        """Obstacles with each capsule replaced by the least disc about its pivot.
 
-        For methods that know discs alone. It moves as the pivot does.
+        For methods that use discs only. A disc moves as the pivot does.
         """
         starts = self.starts
         reach = self._levers + self.capsules[:, RADIUS]
@@ -187,18 +187,18 @@ class Obstacles:
         return Obstacles(self.points, discs, self.capsules[starts, V_X : V_Y + 1])
 
     def chosen(self, rows: npt.NDArray[np.bool_]) -> "Obstacles":
-        """Return the points, and of the capsules those rows (M,), numbered anew."""
+        """Return the points and those rows (M,) of the capsules, numbered anew."""
         return Obstacles.of(self.points, self.capsules[rows])
 
     def joined(self, others: "Obstacles") -> "Obstacles":
-        """Return these obstacles and, after them, the capsules of others."""
+        """Return these obstacles followed by the capsules of others."""
         more = others.capsules.copy()
         more[:, OWNER] += len(self) + 1.0
         return Obstacles.of(self.points, np.vstack([self.capsules, more]))
 
     @property
     def speeds(self) -> Array:
-        """(M,) a speed that no point of the obstacle of a row exceeds, m/s."""
+        """(M,) an upper bound of the speed of the row's obstacle, m/s."""
         if not len(self.capsules):
             return np.empty(0)
         speeds = np.hypot(*self.capsules[:, V_X : V_Y + 1].T)
@@ -207,13 +207,13 @@ class Obstacles:
 
     @property
     def _levers(self) -> Array:
-        """The greatest distance (M,) of the ends of each row from its pivot."""
+        """(M,) greatest distance of the ends of each row from its pivot, m."""
         pivots = self.capsules[:, None, PIVOT_X : PIVOT_Y + 1]
         ends = self.capsules[:, X1 : Y2 + 1].reshape(-1, 2, 2) - pivots
         return np.asarray(np.hypot(ends[..., 0], ends[..., 1]).max(axis=1, initial=0.0))
 
     def seen_from(self, pose: Pose, time: float = 0.0) -> "Obstacles":
-        """Return the obstacles after ``time`` s, as a robot at ``pose`` sees them.
+        """Return the obstacles after ``time`` s in the frame of a robot at ``pose``.
 
         Velocities stay those over ground; only their components are rotated.
         """
@@ -222,11 +222,11 @@ class Obstacles:
         return Obstacles.of(*seen)
 
     def moved(self, time: float) -> "Obstacles":
-        """Return the obstacles where their motion has brought them after ``time`` s."""
+        """Return the obstacles after ``time`` s of their motion."""
         return self.seen_from((0.0, 0.0, 0.0), time)
 
     def within(self, reach: float) -> "Obstacles":
-        """Return those nearer than ``reach`` m to the origin of their frame."""
+        """Return the obstacles nearer than ``reach`` m to the origin of their frame."""
         points = self.points[np.hypot(*self.points.T) < reach]
         if not len(self.capsules):
             return Obstacles.of(points, self.capsules)

@@ -1,4 +1,4 @@
-"""A robot: its footprint and the limits of its twist."""
+"""Robot: footprint and limits of the twist."""
 
 import math
 from dataclasses import astuple, dataclass
@@ -13,14 +13,14 @@ from qpavoid.settings import NOT_NEGATIVE, Range, check, want
 from qpavoid.types import Array, Box, LimitVector, Twist
 
 UNLIMITED_TWIST = 10.0
-"""m/s and rad/s; a filter drives a robot whose limits are infinite no faster."""
+"""m/s and rad/s; greatest twist of a robot whose limits are infinite."""
 
 GREATEST = 1e3
-"""m/s and rad/s; nothing above is asked for, or believed to be driven."""
+"""m/s and rad/s; greatest value of a measured or desired twist."""
 
 RELATIVE_ROUNDING = 1e-9
-"""A share of a quantity, or of a control step: so little more is rounding, so that
-a count of steps is not raised by it, nor a limit found broken."""
+"""Relative tolerance for rounding, of a quantity or a control step: so small an excess
+adds no step to a count and violates no limit."""
 
 
 @dataclass(frozen=True)
@@ -37,15 +37,15 @@ class Limits:
         wheel_speed: w_max, m/s over ground: |v ± ω b/2| ≤ w_max.
         track: b, distance between the wheels, m.
         v_dead: Dead band of the motors, m/s: a twist with |v| < v_dead and
-            |ω| < omega_dead does not move the robot. The guide gives none but zero, and
-            those that the accelerations need on the way to a faster one; the filter
+            |ω| < omega_dead does not move the robot. The guide commands only zero
+            within it, and what the accelerations need to pass through it; the filter
             and the other methods do not use the dead band.
-        omega_dead: The same for the yaw rate, rad/s.
+        omega_dead: Dead band of the yaw rate, rad/s.
 
     Raises:
-        InvalidInputError: The box does not hold the zero twist or no other, a limit is
-            not positive, a wheel speed is given without a track, or a dead band is not
-            less than the greatest speed.
+        InvalidInputError: The box holds no zero twist or no other, a limit is not
+            positive, a wheel speed is given without a track, or a dead band is not less
+            than the greatest speed.
     """
 
     v_min: Annotated[float, "mps", Range(le=0.0)]
@@ -60,14 +60,14 @@ class Limits:
     omega_dead: Annotated[float, "radps", NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
-        check(self, "limits want")
+        check(self, "limits need")
         fast = max(self.v_max, -self.v_min), max(self.omega_max, -self.omega_min)
         for name, dead, most in zip("v omega".split(), self.dead, fast, strict=True):
-            want(dead == 0.0 or dead < most, f"limits want {name}_dead < {most:g}")
+            want(dead == 0.0 or dead < most, f"limits need {name}_dead < {most:g}")
         moves = self.v_min < self.v_max or self.omega_min < self.omega_max
         want(moves, "limits leave no twist but zero")
         known = self.wheel_speed == math.inf or self.track > 0.0
-        want(known, "limits want a track where wheel_speed is given")
+        want(known, "limits need a track where wheel_speed is given")
 
     @classmethod
     def symmetric(cls, v_max: float, omega_max: float) -> "Limits":
@@ -81,12 +81,12 @@ class Limits:
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """The limits that the compiled functions take, without the dead band."""
+        """Limits for compiled functions, without the dead band."""
         return astuple(self)[:8]
 
 
 class RobotLimits(NamedTuple):
-    """:class:`Limits` as the compiled functions take them, and the circumradius, m."""
+    """:class:`Limits` and circumradius, m, for compiled functions."""
 
     v_min: float
     v_max: float
@@ -110,10 +110,10 @@ def limits_of(robot: LimitVector) -> RobotLimits:
 @entry
 @compiled
 def twist_box(robot: LimitVector, v: float, omega: float, dt: float) -> Box:
-    """Return the twists that can follow (v, ω) in dt.
+    """Return the twists that can follow (v, ω) after dt.
 
-    The box of the limits, cut to ±acceleration·dt round the twist last driven; one that
-    lies outside the limits is taken for the nearest twist inside.
+    The box of the limits, cut to ±acceleration·dt round the twist last driven, which is
+    first projected onto the limits.
     """
     limits = limits_of(robot)
     v = min(max(v, limits.v_min), limits.v_max)
@@ -129,7 +129,7 @@ def twist_box(robot: LimitVector, v: float, omega: float, dt: float) -> Box:
 
 @compiled
 def braking_steps(robot: Array, v: float, omega: float, dt: float) -> float:
-    """Return n, how many control steps braking from (v, ω) takes; at least 1."""
+    """Return n, the number of control steps that braking from (v, ω) takes; ≥ 1."""
     limits = limits_of(robot)
     steps = 1.0
     if limits.acceleration < math.inf:
@@ -149,21 +149,21 @@ def braking_twist(robot: LimitVector, v: float, omega: float, dt: float) -> Twis
 
 @compiled
 def clipped(twist: Twist, box: Box) -> Twist:
-    """Return the nearest twist of a box."""
+    """Return the nearest twist within a box."""
     v = min(max(twist[0], box.v_min), box.v_max)
     return v, min(max(twist[1], box.omega_min), box.omega_max)
 
 
 @compiled_once
 def nearest_on_wheels(twist: Twist, box: Box, half: float, most: float) -> Twist:
-    """Return the nearest point to a twist on |v| + half·|ω| = most within a box.
+    """Return the nearest twist on |v| + half·|ω| = most within a box.
 
-    On each of the four edges, s·v + half·t·ω = most with s, t = ±1, it is a point of a
-    segment; t·ω is its parameter.
+    Each of the four edges, s·v + half·t·ω = most with s, t = ±1, is a segment with the
+    parameter t·ω.
 
     Args:
         twist: (v, ω), m/s and rad/s.
-        box: It holds a slower twist than these.
+        box: It contains a twist with a smaller left side.
         half: Half the track, m.
         most: Wheel speed, m/s.
     """
@@ -193,7 +193,7 @@ def nearest_on_wheels(twist: Twist, box: Box, half: float, most: float) -> Twist
 @entry
 @compiled
 def limit_twist(robot: LimitVector, twist: Twist, last: Twist, dt: float) -> Twist:
-    """Return the twist driven when a twist is asked for: within all limits.
+    """Return the twist within all limits for a commanded twist.
 
     A twist beyond the wheels' limit is first scaled down to it, which keeps its
     curvature. The result is the nearest point to that, in (v, ω), of the convex polygon
@@ -219,9 +219,9 @@ def limit_twist(robot: LimitVector, twist: Twist, last: Twist, dt: float) -> Twi
 @entry
 @compiled
 def driven_twist(robot: LimitVector, v: float, omega: float) -> Twist:
-    """Return what a robot drives that is said to drive (v, ω): the nearest it can.
+    """Return the nearest admissible twist to a measured (v, ω).
 
-    Along the arc or the axes, and nothing above :data:`GREATEST`.
+    Along its arc or the axes, and at most :data:`GREATEST`.
     """
     share = GREATEST / max(GREATEST, abs(v), abs(omega))
     return limit_twist(robot, (share * v, share * omega), (0.0, 0.0), math.inf)
@@ -230,7 +230,7 @@ def driven_twist(robot: LimitVector, v: float, omega: float) -> Twist:
 @entry
 @compiled
 def stopping_time(robot: LimitVector, v: float, omega: float, dt: float) -> float:
-    """Return τ(u) in s: driving (v, ω) so long leads to where braking would end."""
+    """Return τ(u), s: driving (v, ω) for so long covers the braking arc."""
     return 0.5 * dt * (braking_steps(robot, v, omega, dt) + 1.0)
 
 
@@ -239,7 +239,7 @@ class Robot:
     """A differential-drive robot.
 
     Attributes:
-        name: What tables and figures call it.
+        name: Label in tables and figures.
         footprint: Its outline in the robot frame.
         limits: Its actuator limits, the same for every controller.
     """
@@ -252,7 +252,7 @@ class Robot:
     def limit_vector(self) -> Array:
         """(9,) :attr:`Limits.numbers`, then the circumradius in m.
 
-        What the compiled functions take as ``robot``, beside the footprint's edges.
+        The argument ``robot`` of compiled functions.
         """
         return np.array([*self.limits.numbers, self.footprint.circumradius])
 

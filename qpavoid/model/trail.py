@@ -1,4 +1,4 @@
-"""Where a robot has been of late, and where it is seen from there."""
+"""Pose history of a robot."""
 
 import math
 from bisect import bisect_left, bisect_right
@@ -10,16 +10,16 @@ import numpy as np
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.types import Array, Pose, Twist
 
-KEPT = 512
-"""Poses that are remembered."""
+MOST_POSES = 512
+"""Number of poses stored."""
 
-APART, WINDOW, GAP = 0.04, 1.0, 0.25
-"""s: least time between two poses that give a twist; time over which twists and poses
-are compared; most between two records that are compared."""
+BASELINE, DRIFT_TIME, GAP = 0.04, 1.0, 0.25
+"""s: least time between two poses for a twist; period over which twists and poses are
+compared; greatest gap between two records compared."""
 
 
 class Leg(NamedTuple):
-    """Of a trail: s, m and rad (not negative) from one pose to the next."""
+    """Time (s), chord (m) and turn (rad, ≥ 0) from one pose to the next."""
 
     time: float
     length: float
@@ -27,10 +27,10 @@ class Leg(NamedTuple):
 
 
 class Trail:
-    """The robot's poses of late, by time, in a frame fixed to the ground.
+    """Poses of a robot over time, in a frame fixed to the ground.
 
     Attributes:
-        twist: (v, ω) that it drives, by the last that was recorded.
+        twist: (v, ω) last recorded.
     """
 
     def __init__(self) -> None:
@@ -40,30 +40,31 @@ class Trail:
         self.twist: Twist = (0.0, 0.0)
 
     def record(self, time: float, pose: Pose, twist: Twist) -> None:
-        """Remember where the robot is, and what it drives from then on.
+        """Store a pose and the twist driven from then on.
 
-        A time before the last one begins a new trail.
+        A time before the last one starts a new history.
         """
         if self._times and time <= self._times[-1]:
             self._times, self._poses, self._twists = [], [], []
-        self._twists = [*self._twists[-KEPT:], twist]
-        self._times = [*self._times[-KEPT:], time]
-        self._poses = [*self._poses[-KEPT:], pose]
+        self._twists = [*self._twists[-MOST_POSES:], twist]
+        self._times = [*self._times[-MOST_POSES:], time]
+        self._poses = [*self._poses[-MOST_POSES:], pose]
         self.twist = twist
 
     def leg(self, time: float, pose: Pose) -> Leg:
-        """Return how far a pose at a time is from the last; from none it is 0."""
+        """Return the leg from the last pose to this one; time ∞ without poses."""
         if not self._times:
             return Leg(math.inf, 0.0, 0.0)
         x, y, turn = relative(self._poses[-1], pose)
         return Leg(time - self._times[-1], math.hypot(x, y), abs(turn))
 
     def drift(self) -> Array:
-        """Return (2, 2) of the last :data:`WINDOW` s: m ahead and rad turned.
+        """Return (2, 2) distances (m) and turns (rad) in :data:`DRIFT_TIME` s.
 
-        First those of the twists less those of the poses, then the path of the poses.
+        First row: integrated twists minus motion of the poses; second row: path length
+        and total turn of the poses.
         """
-        i = bisect_left(self._times, self._times[-1] - WINDOW)
+        i = bisect_left(self._times, self._times[-1] - DRIFT_TIME)
         moved, twists = _moves(self._poses[i:]), np.array(self._twists[i:])
         lasted = np.diff(self._times[i:])[:, None]
         off = 0.5 * (twists[1:] + twists[:-1]) * lasted - moved
@@ -71,11 +72,11 @@ class Trail:
         return np.array([off.sum(axis=0), np.abs(moved).sum(axis=0)])
 
     def twist_to(self, time: float, pose: Pose) -> Array:
-        """Return the mean (v, ω) to a pose, from one :data:`APART` before or the first.
+        """Return the mean (v, ω) to a pose, from :data:`BASELINE` s before it.
 
-        Without a pose before it is 0.
+        From the first pose if that is later; 0 without an earlier pose.
         """
-        i = max(bisect_right(self._times, time - APART) - 1, 0)
+        i = max(bisect_right(self._times, time - BASELINE) - 1, 0)
         if not self._times or self._times[i] >= time:
             return np.zeros(2)
         return np.asarray(_moves([self._poses[i], pose])[0] / (time - self._times[i]))
@@ -86,9 +87,10 @@ class Trail:
         return x, y, heading
 
     def along(self, times: Array) -> Array:
-        """Return the poses (n, 3) at some times (n,), s.
+        """Return the poses (n, 3) at times (n,), s.
 
-        Between two by share, after the last driven on; before the first it is that.
+        Interpolated between records, extrapolated by the last twist; before the first
+        record it is the first pose.
         """
         if not self._times or not len(times):
             return np.zeros((len(times), 3))
@@ -114,14 +116,14 @@ def _moves(poses: Sequence[Pose]) -> Array:
 
 
 def placed(points: Array, poses: Array) -> Array:
-    """Return points (n, 2), each seen from its own pose (n, 3), in the poses' frame."""
+    """Transform points (n, 2) by a pose each, (n, 3), into the poses' frame."""
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     x = poses[:, 0] + cos * points[:, 0] - sin * points[:, 1]
     return np.column_stack([x, poses[:, 1] + sin * points[:, 0] + cos * points[:, 1]])
 
 
 def relative(then: Pose, now: Pose) -> Pose:
-    """Return where a robot is now in the frame that it had then."""
+    """Return the pose ``now`` in the frame of the pose ``then``."""
     x, y = now[0] - then[0], now[1] - then[1]
     cos, sin = math.cos(then[2]), math.sin(then[2])
     return cos * x + sin * y, cos * y - sin * x, wrap_angle(now[2] - then[2])

@@ -1,4 +1,4 @@
-"""Where sensors are on the robot."""
+"""Transforms between sensor frames."""
 
 import math
 from collections.abc import Sequence
@@ -10,11 +10,11 @@ from qpavoid.settings import want
 from qpavoid.types import Array
 
 MOST_ANGLE = 2.0 * math.pi + 0.02
-"""rad; a greater angle of a frame is in degrees."""
+"""rad; a greater angle of a frame is taken for degrees, and rejected."""
 
 
 class Transform(NamedTuple):
-    """A frame seen from another one, p ↦ R p + t: rotation R (3, 3), t (3,) in m."""
+    """Rigid transform p ↦ R p + t: rotation R (3, 3), t (3,) in m."""
 
     rotation: Array
     translation: Array
@@ -23,14 +23,14 @@ class Transform(NamedTuple):
     def of_quaternion(
         cls, place: Sequence[float], turn: Sequence[float]
     ) -> "Transform":
-        """Return that of x, y, z in m and a quaternion x, y, z, w, not 0.
+        """Return the transform of x, y, z in m and a quaternion x, y, z, w, not 0.
 
         Raises:
-            InvalidInputError: They are not.
+            InvalidInputError: Not finite, or the quaternion is 0.
         """
         given = np.array([*place, *turn])
         length = float(np.hypot.reduce(given[3:]))
-        want(bool(np.isfinite(given).all()) and length > 0.0, "a frame wants numbers")
+        want(bool(np.isfinite(given).all()) and length > 0.0, "a frame needs numbers")
         x, y, z, w = given[3:] / length
         axis, cross = (
             np.array([x, y, z]),
@@ -47,7 +47,7 @@ class Transform(NamedTuple):
             InvalidInputError: One is not finite, or an angle above :data:`MOST_ANGLE`.
         """
         x, y, z, *angles = map(float, numbers)
-        want(all(map(math.isfinite, (x, y, z, *angles))), "a frame wants numbers")
+        want(all(map(math.isfinite, (x, y, z, *angles))), "a frame needs numbers")
         most = max(angles, key=abs)
         said = f"an angle of a frame is {most:g} rad; {most:g} degrees are"
         said = f"{said} {math.radians(most):.4g} rad"
@@ -59,5 +59,5 @@ class Transform(NamedTuple):
         return cls(yaw @ pitch @ roll, np.array([x, y, z]))
 
     def apply(self, points: Array) -> Array:
-        """Return points (N, 3) of the frame as seen from the other one, m."""
+        """Return points (N, 3) of the frame in the other one, m."""
         return np.asarray(points @ self.rotation.T + self.translation)

@@ -1,4 +1,4 @@
-"""What a caller hands over as arrays: numbers, shapes, and errors that name them."""
+"""Validation of arrays from a caller: numbers, shapes, and errors that name them."""
 
 from collections.abc import Sequence
 from numbers import Real
@@ -12,10 +12,10 @@ from qpavoid.types import Array, Pose
 
 FLOAT = np.dtype(np.float64)
 FARTHEST = 1e100
-"""m (and m/s); numbers from here on are taken for infinite: their squares may be."""
+"""m (and m/s); numbers from here on count as infinite, since their squares may be."""
 
 MOST_ROWS = 1_000_000
-"""Of an array, and polygons: more would be answered too late."""
+"""Greatest number of rows of an array, and of polygons."""
 
 NO_POLYGONS: Sequence[npt.ArrayLike] = ()
 
@@ -26,8 +26,8 @@ REAL = "fiu"
 def as_rows(value: npt.ArrayLike, columns: int, name: str) -> Array:
     """Return ``value`` as a C-contiguous float array of shape (n, columns).
 
-    An array that already is one is handed back as it is, uncopied. Whether the numbers
-    are finite is checked where they are used.
+    An array of that type and shape is returned uncopied. Whether the numbers are finite
+    is checked where they are used.
 
     Raises:
         InvalidInputError: Another shape, more than :data:`MOST_ROWS`, masked, or not
@@ -54,14 +54,14 @@ def as_rows(value: npt.ArrayLike, columns: int, name: str) -> Array:
 
 
 def finite_rows(value: npt.ArrayLike, columns: int, name: str) -> Array:
-    """Return the same; InvalidInputError, too, where a number is not finite."""
+    """Return finite rows; as :func:`as_rows`, with InvalidInputError if one is not."""
     rows = as_rows(value, columns, name)
     check_finite(rows, name)
     return rows
 
 
 def _want_few(value: Any, columns: int, name: str) -> None:
-    """Refuse what is too long before any of it is copied."""
+    """Raise InvalidInputError for too many rows, before any copy."""
     try:
         known = isinstance(value, np.ndarray)
         count = value.size // columns if known else len(value)
@@ -115,12 +115,12 @@ def _as_numbers(value: Any, name: str) -> Array:
 
 
 def _is_real(value: Any) -> bool:
-    """Return whether an object is a real number, and no truth value."""
+    """Return whether an object is a real number, not a bool."""
     return isinstance(value, Real) and not isinstance(value, bool | np.bool_)
 
 
 def as_velocities(value: npt.ArrayLike, count: int, columns: int, name: str) -> Array:
-    """Return velocities (count, columns); an empty array means rest.
+    """Return velocities (count, columns); zeros for an empty array.
 
     Raises:
         InvalidInputError: As :func:`as_rows`, or another number of rows.

@@ -1,7 +1,4 @@
-"""How exactly solvers are asked to solve, as tight as each one allows.
-
-By the solvers' own names; for every package that leads to them.
-"""
+"""Tolerances of the QP solvers, as tight as each one allows, by their own names."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -24,10 +24,9 @@ OPTIONS: Mapping[str, Mapping[str, Any]] = {
 
 
 class Program:
-    """The problem written for so many rows and n unknowns, and its memory, bound.
+    """The problem for a fixed number of rows and n unknowns, and its bound memory.
 
-    Rows that are not used are 0 ≥ −1. ``buffer.stats()`` is CasADi's word on the last
-    answer.
+    Unused rows are 0 ≥ −1. ``buffer.stats()`` is CasADi's status of the last answer.
     """
 
     def __init__(
@@ -81,16 +80,16 @@ class Program:
 class CasadiBackEnd:
     """A CasADi QP, called through its FunctionBuffer; one program for each size.
 
-    The arrays of arguments and of the answer are handed to CasADi once, as memory; a
-    call then writes into them and evaluates. There is a program for every power of two
-    of rows, so that one problem of many does not slow those of few that follow.
+    CasADi gets the memory of arguments and answer once; a call writes into it and
+    evaluates. There is a program for every power of two of rows, so that one large
+    problem does not slow the small ones that follow.
 
     Args:
         plugin: CasADi's name of the solver.
-        settings: Its options, if not those of :data:`OPTIONS`.
+        settings: Its options; default :data:`OPTIONS`.
 
     Attributes:
-        last: The program that answered last.
+        last: The program used last.
     """
 
     made: type[Program] = Program
@@ -102,7 +101,7 @@ class CasadiBackEnd:
         self._programs: dict[tuple[int, int], Program] = {}
 
     def __call__(self, problem: ScaledProblem) -> Array:
-        """Return z as the plug-in leaves it; its own word is not to be trusted."""
+        """Return z as the plug-in gives it; certified by the caller."""
         rows, n = problem.normals.shape
         size = max(4, 1 << rows.bit_length()), n
         if size not in self._programs:

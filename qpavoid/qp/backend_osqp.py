@@ -24,11 +24,11 @@ SETTINGS: Mapping[str, Any] = {
 class OSQPBackEnd:
     """One OSQP workspace for problems of up to ``capacity`` rows, grown by doubling.
 
-    The matrix keeps its first sparsity pattern: every entry is stored, rows that are
-    not used are zero and unbounded. After a failure the workspace is set up afresh.
+    The matrix keeps its first sparsity pattern: every entry is stored, unused rows are
+    zero and unbounded. After a failure the workspace is set up again.
 
     Args:
-        settings: OSQP's, if not :data:`SETTINGS`.
+        settings: OSQP's, default :data:`SETTINGS`.
     """
 
     def __init__(self, settings: Mapping[str, Any] = SETTINGS) -> None:
@@ -37,7 +37,7 @@ class OSQPBackEnd:
         self._solver = osqp.OSQP()
 
     def __call__(self, problem: ScaledProblem) -> Array:
-        """Return z, or NaN if OSQP says ``solved`` from no start, warm or cold."""
+        """Return z; NaN if OSQP solves it from neither a warm nor a cold start."""
         warm = 0 < self._capacity >= len(problem.offsets)
         z = self._solve(problem)
         if warm and not np.isfinite(z).all():
@@ -71,7 +71,7 @@ class OSQPBackEnd:
     def _padded(
         self, problem: ScaledProblem, capacity: int
     ) -> tuple[csc_matrix, Array, Array]:
-        """Return the matrix and its bounds: the limits first, then rows, then none."""
+        """Return the matrix and its bounds: the limits, then rows, then unused rows."""
         n = len(problem.target)
         size, used = n + capacity, n + len(problem.offsets)
         dense = np.zeros((size, n))

@@ -37,7 +37,7 @@ TIGHT: Mapping[str, Mapping[str, Any]] = {
 
 
 class QPSolversBackEnd:
-    """One solver behind ``qpsolvers.solve_qp``, set up afresh at every call."""
+    """One solver behind ``qpsolvers.solve_qp``, set up again at every call."""
 
     def __init__(self, name: str) -> None:
         if name not in qpsolvers.available_solvers:
@@ -51,7 +51,7 @@ class QPSolversBackEnd:
             self._matrix = csc_matrix
 
     def __call__(self, problem: ScaledProblem) -> Array:
-        """Return z, or NaN if the solver finds none; its warnings are not repeated."""
+        """Return z, or NaN if the solver finds none; its warnings are suppressed."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return self._solve(problem)

@@ -1,17 +1,16 @@
-"""The exact answer of the two-variable QP, and the least violation if there is none.
+"""Exact solution of the two-variable QP, and the least violation if it is infeasible.
 
-In the coordinates z = (√w_v v, √w_ω ω) the QP asks for the point of a polygon nearest
-to z_f. Seidel's incremental method [Seidel1991] answers it: take half-planes one by
-one; where the answer so far violates the next one, the new answer lies on its line,
-and there it is an interval clamp. Taken in the order of greatest violation, few are
-ever touched.
+In the coordinates z = (√w_v v, √w_ω ω) the QP is the projection of z_f onto a
+polygon. Seidel's incremental method [Seidel1991]: add half-planes one by one; if the
+point so far violates the next one, the new point lies on its line, where it is clamped
+to an interval. In the order of greatest violation, few are ever added.
 
 Cost: each round reads all n = m + 4 half-planes and adds one, so m rows take at most
 n² + n(n − 1)/2 evaluations; two to five rounds are usual. A conflict is relaxed in at
-most :data:`ROUNDS` further rounds of the same.
+most :data:`ROUNDS` further rounds.
 
-Nothing here allocates. The caller's table ``rows`` (m + 4, 9) holds the problem and
-its half-planes: see :data:`WIDTH`.
+No function allocates. The caller's table ``rows`` (m + 4, 9) holds the problem and
+its half-planes: see :data:`ROW_WIDTH`.
 """
 
 import math
@@ -21,32 +20,32 @@ from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.types import Array, Box, Matrix, MatrixWritten, Pair, Sizes
 
 NULL_ROW = 1e-9
-"""A row shorter than this, in scaled units, cannot be influenced by any twist."""
+"""Norm in scaled units, below which no twist can influence a row."""
 
 CONFLICT, VIOLATED = 1e-12, 4e-12
-"""Relative to the numbers at hand: from where two half-planes are in conflict, and one
-is violated. The first is less, so that rounding cannot send the search in a circle."""
+"""Relative tolerances: of a conflict of two half-planes, and of a violated one. The
+first is smaller, so that rounding cannot make the search cycle."""
 
 PARALLEL, GRANTED = 1e-13, 1e-14
-"""Sine of an angle below which two lines never meet; what an interval's end is granted
-for rounding, relative, well below :data:`CONFLICT`."""
+"""Sine of the angle below which two lines count as parallel; relative tolerance of an
+interval's end for rounding, well below :data:`CONFLICT`."""
 
 ON_BORDER = 1e-6
-"""Relative; so near to its border a half-plane may hold an answer of any back end."""
+"""Relative distance from its border below which a half-plane counts as active."""
 
 LEAST_SLACK, ALLOWANCE, LEAST_MORE = 1e-12, 1e-13, 1e-9
-"""m/s; the first slack that is tried, and what it is first granted for rounding; and by
-how much rows are at least lowered beyond the slack that they need."""
+"""m/s; least slack tried, its first allowance for rounding, and least additional
+relaxation of the rows."""
 
 
 class Terms(NamedTuple):
-    """What a problem consists of beside its rows.
+    """A problem without its rows.
 
     Attributes:
         box: Limits of the twist.
         desired: v_f, ω_f.
         weights: w_v, w_ω, positive.
-        n_hard: How many rows, the last ones, are limits and never lowered.
+        n_hard: Number of rows, the last ones, that are limits and never relaxed.
     """
 
     box: Box
@@ -56,15 +55,15 @@ class Terms(NamedTuple):
 
 
 class Projection(NamedTuple):
-    """The point that all half-planes share nearest to another.
+    """Point of an intersection of half-planes nearest to a given one.
 
     Attributes:
-        found: Whether there is one.
+        found: Whether the intersection is not empty.
         z_1: √w_v v.
         z_2: √w_ω ω.
-        first: Half-plane that holds it; −1: none.
-        second: Another one.
-        wanted: Where not found, the slack that the conflict needs, m/s.
+        first: Active half-plane, or −1.
+        second: Another one, or −1.
+        wanted: If not found, the slack that the conflict requires, m/s.
     """
 
     found: bool
@@ -76,15 +75,15 @@ class Projection(NamedTuple):
 
 
 class Optimum(NamedTuple):
-    """The answer of a problem.
+    """Solution of a problem.
 
     Attributes:
         found: Whether there is one.
         v: m/s.
         omega: rad/s.
-        slack: That was needed, m/s; 0: none.
-        first: Half-plane that holds it (rows, then the four limits); −1: none.
-        second: Another one.
+        slack: Required relaxation, m/s; 0 if feasible.
+        first: Active half-plane (rows, then the four limits), or −1.
+        second: Another one, or −1.
     """
 
     found: bool
@@ -96,36 +95,35 @@ class Optimum(NamedTuple):
 
 
 ROUNDS = 64
-"""Of relaxing a conflict: :data:`ALLOWANCE`, doubled so often, is beyond all speeds."""
+"""Greatest number of doublings of :data:`ALLOWANCE`, which then exceeds all speeds."""
 
-A_V, A_OMEGA, B, OWNER, N_1, N_2, C, SOFTNESS, CHOSEN = range(9)
-WIDTH = 9
+A_V, A_OMEGA, B, ROW_OWNER, N_1, N_2, C, SOFTNESS, TAKEN = range(9)
+ROW_WIDTH = 9
 """Columns of ``rows``: a_v, a_ω and b of a row, the number of its obstacle; n_1, n_2, c
 and softness of its half-plane; and the k-th half-plane that :func:`nearest_point` took.
 The last four rows are the limits v_min, v_max, ω_min, ω_max."""
 
-Rows: TypeAlias = Annotated[Matrix, Sizes(4, WIDTH)]
-RowsWritten: TypeAlias = Annotated[MatrixWritten, Sizes(4, WIDTH)]
+Rows: TypeAlias = Annotated[Matrix, Sizes(4, ROW_WIDTH)]
+RowsWritten: TypeAlias = Annotated[MatrixWritten, Sizes(4, ROW_WIDTH)]
 
 
 @entry
 @compiled
 def half_planes(rows: RowsWritten, terms: Terms) -> float:
-    """Fill in n·z ≥ c − s·softness for rows and limits, and return a least s, m/s.
+    """Fill in n·z ≥ c − s·softness for rows and limits; return a least slack s, m/s.
 
-    Scaled and normalised. The last ``n_hard`` rows are never softened, nor are the
-    limits. A null row with b > 0 holds for no twist: it only raises the least slack s.
+    Scaled and normalised. The last ``n_hard`` rows and the limits have softness 0. A
+    null row with b > 0 holds for no twist: it only raises the least slack.
     """
     m, least, box = rows.shape[0] - 4, 0.0, terms.box
     scale_v, scale_omega = math.sqrt(terms.weights[0]), math.sqrt(terms.weights[1])
-    # a·u = (a_v/√w_v) z_1 + (a_ω/√w_ω) z_2: normals are divided where twists are
-    # multiplied.
+    # a·u = (a_v/√w_v) z_1 + (a_ω/√w_ω) z_2.
     per_v, per_omega = 1.0 / scale_v, 1.0 / scale_omega
     for i in range(m):
         n_1, n_2 = rows[i, A_V] * per_v, rows[i, A_OMEGA] * per_omega
         length = math.sqrt(n_1 * n_1 + n_2 * n_2)
         if length < NULL_ROW:
-            # c = −∞ leaves the half-plane out: no twist can help it, and none hurts it.
+            # c = −∞ disables the half-plane: no twist influences it.
             least = max(least, rows[i, B])
             set_plane(rows, i, (0.0, 0.0), (-math.inf, 0.0))
         else:
@@ -148,7 +146,7 @@ def set_plane(rows: Array, i: int, normal: Pair, offset: Pair) -> None:
 
 @compiled_once
 def slack_of_conflict(rows: Array, i: int, j: int, k: int) -> float:
-    """Return the slack at which half-planes i, j and k just meet (k = −1: only two).
+    """Return the slack at which half-planes i, j, k just intersect (k = −1: i, j only).
 
     By Farkas' lemma λ ≥ 0 with Σ λ n = 0 proves them empty while
     Σ λ (c − s·softness) > 0.
@@ -172,7 +170,7 @@ def slack_of_conflict(rows: Array, i: int, j: int, k: int) -> float:
 @entry
 @compiled_once
 def nearest_point(rows: Rows, z_1: float, z_2: float, slack: float) -> Projection:
-    """Return the point that all half-planes share nearest to (z_1, z_2)."""
+    """Return the point in all half-planes nearest to (z_1, z_2)."""
     n = rows.shape[0]
     p_1, p_2 = z_1, z_2
     first = second = -1
@@ -184,24 +182,23 @@ def nearest_point(rows: Rows, z_1: float, z_2: float, slack: float) -> Projectio
             gap = c - rows[i, N_1] * p_1 - rows[i, N_2] * p_2
             if gap > depth and gap > VIOLATED * (scale + abs(c)):
                 worst, depth = i, gap
-        # Every half-plane holds: this is the answer.
+        # Every half-plane holds: optimal.
         if worst < 0:
             break
         n_1, n_2 = rows[worst, N_1], rows[worst, N_2]
         c = rows[worst, C] - slack * rows[worst, SOFTNESS]
         beyond = c - n_1 * z_1 - n_2 * z_2
-        # The new answer lies on the border of what was violated worst [Seidel1991]: the
-        # foot of z_f there, or the end nearest to it of the interval that those taken
-        # before leave.
+        # The new point lies on the border of the most violated one [Seidel1991]: the
+        # projection of z_f, clamped to the interval that the earlier ones leave.
         foot_1, foot_2 = z_1 + beyond * n_1, z_2 + beyond * n_2
         low, high, at_low, at_high = -math.inf, math.inf, -1, -1
         for k in range(count):
-            j = int(rows[k, CHOSEN])
+            j = int(rows[k, TAKEN])
             c = rows[j, C] - slack * rows[j, SOFTNESS]
             rate = n_1 * rows[j, N_2] - n_2 * rows[j, N_1]
             need = c - rows[j, N_1] * foot_1 - rows[j, N_2] * foot_2
             need -= GRANTED * (scale + abs(c))
-            # The line runs along this border: either all of it is allowed or nothing.
+            # Parallel to this border: all of the line is allowed or nothing.
             if abs(rate) < PARALLEL:
                 if need > CONFLICT * (scale + abs(c)):
                     wanted = slack_of_conflict(rows, worst, j, -1)
@@ -221,20 +218,19 @@ def nearest_point(rows: Rows, z_1: float, z_2: float, slack: float) -> Projectio
             t, second = high, at_high
         p_1, p_2 = foot_1 - t * n_2, foot_2 + t * n_1
         first = worst
-        rows[count, CHOSEN] = worst
+        rows[count, TAKEN] = worst
     return Projection(True, p_1, p_2, first, second, 0.0)
 
 
 @compiled_once
 def least_slack(rows: Array, wanted: float, z_1: float, z_2: float) -> float:
-    """Return the least s ≥ ``wanted`` at which the half-planes have a common point.
+    """Return the least s ≥ ``wanted`` for which the half-planes intersect, m/s.
 
-    ``wanted`` is what null rows and the first conflict ask for; ``inf`` if no slack
-    helps.
+    ``wanted``: required by null rows and the first conflict; ``inf`` if no slack helps.
 
-    Every conflict of three half-planes that is met names the slack that it needs, and
-    the slack only grows, so no conflict is met twice. An allowance against rounding
-    doubles, so that :data:`ROUNDS` always suffice; two to five are usual.
+    Each conflict of three half-planes gives the slack that it requires, and the slack
+    only grows, so no conflict recurs. The allowance for rounding doubles, so that
+    :data:`ROUNDS` always suffice; two to five are usual.
     """
     if not wanted < math.inf:
         return math.inf
@@ -253,11 +249,11 @@ def least_slack(rows: Array, wanted: float, z_1: float, z_2: float) -> float:
 @entry
 @compiled
 def relaxation(slack: float, tolerance: float) -> float:
-    """Return by how much rows are lowered, m/s, if they need ``slack``: a little more.
+    """Return the relaxation of the rows, m/s, for a required ``slack``.
 
     Twice the slack, but at most ``tolerance`` and at least :data:`LEAST_MORE` above it:
-    the answer changes steadily where a problem becomes infeasible, and a row that
-    hardly any twist can influence does not throw the robot about for less than that.
+    the solution is then continuous where a problem becomes infeasible, and a row with
+    hardly any influence cannot cause a large twist for less than the tolerance.
     """
     if slack == 0.0:
         return 0.0
@@ -267,11 +263,10 @@ def relaxation(slack: float, tolerance: float) -> float:
 @entry
 @compiled
 def solve_exactly(rows: RowsWritten, terms: Terms, slack_tolerance: float) -> Optimum:
-    """Return the twist nearest to the desired one that keeps every row and limit.
+    """Return the twist nearest to the desired one within all rows and limits.
 
-    Where no twist keeps the rows, they are all lowered by the least slack that allows
-    one and a little more, see :func:`relaxation`: least violation first, then the
-    nearest twist.
+    If infeasible, all rows are relaxed as :func:`relaxation` says: least violation
+    first, then the nearest twist.
 
     Args:
         rows: (m + 4, 9): a_v, a_ω and b (m/s) of m rows a_v v + a_ω ω ≥ b; the rest is
@@ -296,13 +291,13 @@ def solve_exactly(rows: RowsWritten, terms: Terms, slack_tolerance: float) -> Op
 @entry
 @compiled
 def certificate(rows: Rows, terms: Terms, relaxed: float, twist: Pair) -> Pair:
-    """Return (violation, suboptimality) of a twist, judged from the problem alone.
+    """Return (violation, suboptimality) of a twist, computed from the problem alone.
 
     The violation is the greatest of b − A u (m/s) and of the limits' excess. At the
-    optimum z − z_f = Σ λ n over half-planes that hold with equality, λ ≥ 0; the
-    suboptimality is the distance of z − z_f from that cone, in scaled m/s. A twist
-    that is not finite has both infinite. Rows but hard ones count as lowered by
-    ``relaxed`` (m/s); the half-planes as :func:`half_planes` fills them in.
+    optimum z − z_f = Σ λ n over active half-planes, λ ≥ 0; the suboptimality is the
+    distance of z − z_f from that cone, in scaled m/s. Both are infinite for a twist
+    that is not finite. Rows but hard ones count as relaxed by ``relaxed`` (m/s); the
+    half-planes are those of :func:`half_planes`.
     """
     (v, omega), box, m = twist, terms.box, rows.shape[0] - 4
     if not (math.isfinite(v) and math.isfinite(omega)):
@@ -314,8 +309,7 @@ def certificate(rows: Rows, terms: Terms, relaxed: float, twist: Pair) -> Pair:
         violation = max(violation, b - rows[i, A_V] * v - rows[i, A_OMEGA] * omega)
     scale_v, scale_omega = math.sqrt(terms.weights[0]), math.sqrt(terms.weights[1])
     z_1, z_2, desired = v * scale_v, omega * scale_omega, terms.desired
-    # The cost's gradient, halved, must be a sum of active normals with λ ≥ 0: the twist
-    # is held only by half-planes that it pushes against.
+    # KKT: half the cost's gradient is a sum of active normals with λ ≥ 0.
     g_1, g_2 = z_1 - desired[0] * scale_v, z_2 - desired[1] * scale_omega
     push = math.sqrt(g_1 * g_1 + g_2 * g_2)
     if push < CONFLICT:
@@ -330,8 +324,7 @@ def certificate(rows: Rows, terms: Terms, relaxed: float, twist: Pair) -> Pair:
                 left = min(left, angle)
             if angle <= 0.0:
                 right = min(right, -angle)
-    # Two active normals less than half a turn apart, one on either side, span a cone
-    # that holds the gradient.
+    # The gradient lies in the cone of two active normals less than half a turn apart.
     if left + right < math.pi:
         return violation, 0.0
     return violation, push * math.sin(min(left, right, 0.5 * math.pi))

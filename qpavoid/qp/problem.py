@@ -1,4 +1,4 @@
-"""The QP as a value: it can be looked at, saved, solved by anybody, and certified."""
+"""The QP as a value: it can be inspected, saved, solved by any solver, certified."""
 
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
@@ -14,7 +14,7 @@ from qpavoid.qp.exact import (
     A_V,
     N_1,
     N_2,
-    WIDTH,
+    ROW_WIDTH,
     B,
     C,
     Terms,
@@ -23,8 +23,8 @@ from qpavoid.qp.exact import (
 )
 from qpavoid.types import Array, Box
 
-ARRAYS = ("desired", "weights", "A", "b", "lower", "upper", "obstacle")
-"""What a problem consists of, besides the number of hard rows."""
+FIELDS = ("desired", "weights", "A", "b", "lower", "upper", "obstacle")
+"""Arrays of a problem; the rest is the number of hard rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +40,9 @@ class FilterProblem:
         b: (m,) least speed of P_r away from the obstacle, m/s.
         lower: (2,) v_min, ω_min.
         upper: (2,) v_max, ω_max.
-        obstacle: (m,) number of the obstacle that the row keeps away; −1 for a limit.
-        n_hard: How many rows, the last ones, are limits of the robot (its wheels) and
-            are never relaxed.
+        obstacle: (m,) number of the row's obstacle; −1 for a limit.
+        n_hard: Number of rows, the last ones, that are limits of the robot (its wheels)
+            and never relaxed.
 
     Raises:
         InvalidInputError: Shapes that do not fit, data that are not finite (limits may
@@ -61,7 +61,7 @@ class FilterProblem:
     def __post_init__(self) -> None:
         rows = np.shape(self.A)[0] if np.ndim(self.A) == 2 else -1
         shapes = {"A": (rows, 2), "b": (rows,), "obstacle": (rows,)}
-        for name in ARRAYS:
+        for name in FIELDS:
             kind = np.int64 if name == "obstacle" else np.float64
             array = np.array(getattr(self, name), dtype=kind, order="C")
             shape = shapes.get(name, (2,))
@@ -93,14 +93,14 @@ class FilterProblem:
     def table(self) -> tuple[Array, float]:
         """Return all rows with their half-planes, and the slack of null rows.
 
-        See :data:`qpavoid.qp.exact.WIDTH`.
+        See :data:`qpavoid.qp.exact.ROW_WIDTH`.
         """
-        rows = np.zeros((len(self.b) + 4, WIDTH))
+        rows = np.zeros((len(self.b) + 4, ROW_WIDTH))
         rows[:-4, A_V : A_OMEGA + 1], rows[:-4, B] = self.A, self.b
         return rows, half_planes(rows, self.terms)
 
     def relaxed(self, slack: float) -> "FilterProblem":
-        """Return the problem with all rows but hard ones lowered by ``slack``, m/s."""
+        """Return the problem with all rows but hard ones relaxed by ``slack``, m/s."""
         lowered = self.b.copy()
         lowered[: len(lowered) - self.n_hard] -= slack
         return replace(self, b=lowered)
@@ -111,7 +111,7 @@ class FilterProblem:
         return certificate(rows, self.terms, 0.0, (v, omega))
 
     def scaled(self) -> "ScaledProblem":
-        """Return the same problem as the projection that back ends are given."""
+        """Return the problem as the projection that back ends solve."""
         table, _ = self.table()
         scale = np.sqrt(self.weights)
         rows = table[:-4]
@@ -140,15 +140,15 @@ class FilterProblem:
         """
         with reading(path, "not a readable problem"):
             data = read_arrays(path)
-            return cls(**{n: data[n] for n in ARRAYS}, n_hard=int(data["n_hard"]))
+            return cls(**{n: data[n] for n in FIELDS}, n_hard=int(data["n_hard"]))
 
 
 @dataclass(frozen=True, eq=False)
 class ScaledProblem:
     """min ½‖z − target‖² subject to normals z ≥ offsets, lower ≤ z ≤ upper; z = √W u.
 
-    Rows are normalised and rows that no twist can influence are left out: the form in
-    which no solver skips a short row or calls it infeasible.
+    Rows are normalised, and rows that no twist can influence left out, since solvers
+    skip short rows or call them infeasible.
 
     Attributes:
         target: (2,) √W u_f.
@@ -157,8 +157,8 @@ class ScaledProblem:
         lower: (2,) and
         upper: (2,) limits, possibly infinite.
         scale: (2,) √w; u = z / scale.
-        table: (m + 4, 9) rows and limits together, for our own method; see
-            :data:`qpavoid.qp.exact.WIDTH`.
+        table: (m + 4, 9) rows and limits together, for the exact solver; see
+            :data:`qpavoid.qp.exact.ROW_WIDTH`.
     """
 
     target: Array
@@ -171,7 +171,7 @@ class ScaledProblem:
 
 
 class SolveStatus(StrEnum):
-    """What an answer is worth, by our own residuals and not by the solver's word."""
+    """Status of an answer, decided by its certificate and not by the solver."""
 
     OPTIMAL = "optimal"
     RELAXED = "relaxed"
@@ -180,16 +180,16 @@ class SolveStatus(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A certified answer, or the statement that there is none.
+    """A certified answer of a solver.
 
     Attributes:
         u: (2,) twist (v, ω); NaN if the status is ``failed``.
-        status: ``optimal``; ``relaxed``: no twist keeps all rows, this one violates
-            them least; ``failed``: the back end gave no answer that holds.
+        status: ``optimal``; ``relaxed``: infeasible, with the least violation;
+            ``failed``: the solver's answer did not pass the certificate.
         slack: Least violation that had to be allowed, m/s; 0 if optimal.
         violation: Greatest violation of rows (slack allowed) and limits, m/s.
         suboptimality: Residual of the optimality conditions, scaled m/s.
-        active: Numbers of the rows that hold with equality.
+        active: Numbers of the active rows.
         solver: Name of the back end.
         solve_time_s: Wall time of the call.
     """

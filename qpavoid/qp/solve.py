@@ -1,4 +1,4 @@
-"""One call for all back ends: relax if need be, solve, certify. And their registry."""
+"""One call for all back ends: relax if infeasible, solve, certify. Their registry."""
 
 import math
 from collections.abc import Callable
@@ -15,29 +15,29 @@ from qpavoid.qp.problem import FilterProblem, ScaledProblem, Solution, SolveStat
 from qpavoid.types import Array
 
 RESIDUAL_TOLERANCE = 1e-6
-"""Greatest violation (m/s) and suboptimality that a certified answer may have."""
+"""Greatest violation (m/s) and suboptimality of a certified answer."""
 
 AGREEMENT = 1e-5
-"""Greatest distance from the exact answer, scaled m/s, that an answer may have: where
-rows are nearly parallel, an answer can pass all residuals and still be farther off."""
+"""Greatest distance of an answer from the exact one, scaled m/s: where rows are nearly
+parallel, an answer can pass all residuals and still be farther off."""
 
 ACTIVE = 1e-7
-"""m/s; a row that has less left holds the answer."""
+"""m/s; residual below which a row counts as active."""
 
 SLACK_TOLERANCE = 1e-3
 """m/s; see :func:`qpavoid.qp.exact.relaxation`."""
 
 
 class BackEnd(Protocol):
-    """Solves feasible scaled problems; it may keep its workspace between calls."""
+    """Solver of feasible scaled problems; it may keep its workspace between calls."""
 
     def __call__(self, problem: ScaledProblem) -> Array:
-        """Return z; anything, NaN too, where the solver failed: it is certified."""
+        """Return z; anything, NaN too, if the solver failed: it is certified."""
         ...
 
 
 class BackEndEntry(NamedTuple):
-    """One back end of the registry: how to load it, what it needs, who installs it."""
+    """Registry entry of a back end: loader, required module, extra that installs it."""
 
     load: Callable[[], BackEnd]
     module: str
@@ -93,24 +93,24 @@ BACK_ENDS = {
         )
     },
 }
-"""Every back end by name."""
+"""All back ends by name."""
 
 
 def back_end_names() -> tuple[str, ...]:
     """Return the names of all back ends, installed or not; the first is the default.
 
-    Beside them ``qpsolvers:<name>`` takes any other solver that qpsolvers finds.
+    In addition ``qpsolvers:<name>`` is any other solver that qpsolvers finds.
     """
     return tuple(BACK_ENDS)
 
 
 def is_installed(name: str) -> bool:
-    """Say whether a back end's package is there, without importing it."""
+    """Return whether a back end's package is installed, without importing it."""
     return find_spec(BACK_ENDS[name].module) is not None
 
 
 def find_back_end(name: str) -> BackEndEntry:
-    """Return a back end's entry if there is one and it is installed.
+    """Return the entry of a known and installed back end.
 
     Raises:
         UnknownNameError: No such back end; the message lists them.
@@ -139,15 +139,14 @@ def solve(
     solver: str | BackEnd = "exact",
     slack_tolerance: float = SLACK_TOLERANCE,
 ) -> Solution:
-    """Solve a problem and certify the answer, whoever gave it.
+    """Solve a problem and certify the answer.
 
-    If no twist keeps all rows, they are lowered by the least slack that allows one and
-    a little more; see :func:`qpavoid.qp.exact.relaxation`. Our own exact method always
-    computes that slack, so that no back end is ever handed an infeasible problem, and
-    all answer alike.
+    If infeasible, all rows are relaxed; see :func:`qpavoid.qp.exact.relaxation`. The
+    exact method always computes the slack, so that no back end gets an infeasible
+    problem, and all agree.
 
     Args:
-        problem: What to solve.
+        problem: The QP.
         solver: Name of a back end, or a loaded one, which keeps its workspace.
         slack_tolerance: m/s, positive; see :func:`qpavoid.qp.exact.relaxation`.
 
@@ -186,7 +185,7 @@ def solve(
 
 
 def required_slack(problem: FilterProblem) -> float:
-    """Return the least slack, m/s, with which the problem is feasible; 0 if it is."""
+    """Return the least slack, m/s, with which the problem is feasible."""
     rows, least = problem.table()
     z_1, z_2 = (problem.desired * np.sqrt(problem.weights)).tolist()
     nearest = nearest_point(rows, z_1, z_2, 0.0)
@@ -196,14 +195,14 @@ def required_slack(problem: FilterProblem) -> float:
 
 
 def exact_twist(problem: FilterProblem) -> tuple[float, float]:
-    """Return what :func:`qpavoid.qp.exact.solve_exactly` answers."""
+    """Return the exact solution; see :func:`qpavoid.qp.exact.solve_exactly`."""
     rows, _ = problem.table()
     solved = solve_exactly(rows, problem.terms, SLACK_TOLERANCE)
     return solved.v, solved.omega
 
 
 def agrees(problem: FilterProblem, v: float, omega: float) -> bool:
-    """Say whether a twist is within :data:`AGREEMENT` of the exact answer."""
+    """Return whether a twist is within :data:`AGREEMENT` of the exact solution."""
     v_exact, omega_exact = exact_twist(problem)
     scale_v, scale_omega = np.sqrt(problem.weights)
     off = max(abs(v - v_exact) * scale_v, abs(omega - omega_exact) * scale_omega)
@@ -211,10 +210,10 @@ def agrees(problem: FilterProblem, v: float, omega: float) -> bool:
 
 
 def answer(back_end: BackEnd, problem: FilterProblem) -> tuple[float, float]:
-    """Return the back end's twist for a feasible problem, within the limits.
+    """Return the back end's twist for a feasible problem, clipped to the limits.
 
-    Without rows the limits alone decide, and no back end is asked. One that raises has
-    failed: its answer is NaN, which no certificate passes.
+    Without rows the limits alone decide, and no back end is called. If it raises, the
+    answer is NaN, which no certificate passes.
     """
     scaled = problem.scaled()
     if not len(scaled.offsets):
@@ -224,7 +223,7 @@ def answer(back_end: BackEnd, problem: FilterProblem) -> tuple[float, float]:
         u = np.asarray(back_end(scaled), dtype=np.float64).reshape(2) / scaled.scale
     except KeyboardInterrupt:
         raise
-    except BaseException:  # SystemExit, too: no back end ends what drives a robot
+    except BaseException:  # SystemExit, too: a back end must not end the control loop
         return math.nan, math.nan
     v, omega = np.clip(u, problem.lower, problem.upper).tolist()
     return v, omega

@@ -1,1 +1,1 @@
-"""The filter on a robot that speaks ROS 2; all but the node itself is plain Python."""
+"""ROS 2 interface of the filter; all but the node itself is plain Python."""

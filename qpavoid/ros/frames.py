@@ -1,8 +1,8 @@
-"""Where frames are on one another, by the messages of tf.
+"""Tree of coordinate frames from tf messages.
 
-``/tf_static`` says it for good, ``/tf`` over time: between two of its stamps a place is
-interpolated, along the line and by the shortest turn (slerp). tf2 itself is not wanted,
-so that a bag is read as the node listens.
+``/tf_static`` gives fixed transforms, ``/tf`` transforms over time, which are
+interpolated between two stamps: linearly, and by the shortest rotation (slerp). tf2 is
+not used, so that bags are processed like live messages.
 """
 
 import math
@@ -18,18 +18,18 @@ from qpavoid.ros.messages import seconds
 from qpavoid.settings import want
 from qpavoid.types import Array
 
-KEPT, MOST = 10.0, 2000
-"""s that a moving frame is remembered, as by tf2; and stamps at most."""
+MEMORY, STAMPS = 10.0, 2000
+"""s for which a moving frame is stored, as by tf2; and greatest number of stamps."""
 
 BEYOND = 0.2
-"""s; so far before its first stamp and after its last a frame counts as standing."""
+"""s; extrapolation limit of a moving frame, before and after its stamps."""
 
 SAME_TURN = 1.0 - 1e-9
-"""Cosine of half the angle of two turns that are as good as one."""
+"""Cosine of half the angle below which two rotations are not interpolated."""
 
 
 class Link(NamedTuple):
-    """A frame on its parent, over time.
+    """Transform of a frame to its parent, over time.
 
     Attributes:
         parent: Its name.
@@ -43,13 +43,13 @@ class Link(NamedTuple):
 
 
 class Frames:
-    """A tree of frames; each hangs on the parent that was said last.
+    """Tree of frames; a frame's parent is the last one published.
 
     A transform that is not finite, or whose quaternion is 0, is left out, as by tf2.
 
     Args:
-        errors: Where it is noted under ``tf``.
-        named: Other frames that are known, for what an error says.
+        errors: Such transforms are reported here, under ``tf``.
+        named: Other known frames, for error messages.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Frames:
         self._refused: dict[str, str] = {}
 
     def add(self, message: Any, fixed: bool = False) -> None:
-        """Take a ``tf2_msgs/TFMessage``; of ``/tf_static`` it is ``fixed``."""
+        """Add a ``tf2_msgs/TFMessage``, ``fixed`` if from ``/tf_static``."""
         for one in message.transforms:
             name, parent = _name(one.child_frame_id), _name(one.header.frame_id)
             time = -math.inf if fixed else seconds(one.header.stamp)
@@ -75,27 +75,27 @@ class Frames:
 
     def _record(self, name: str, parent: str, time: float, place: Array) -> None:
         link = self._links.get(name)
-        news = link is None or link.parent != parent or time < link.times[-1] - KEPT
+        news = link is None or link.parent != parent or time < link.times[-1] - MEMORY
         if news or time == -math.inf or link is None or link.times[0] == -math.inf:
             self._links[name] = Link(parent, [time], [place])
             return
         at = bisect_right(link.times, time)
         link.times.insert(at, time)
         link.places.insert(at, place)
-        while link.times[0] < link.times[-1] - KEPT or len(link.times) > MOST:
+        while link.times[0] < link.times[-1] - MEMORY or len(link.times) > STAMPS:
             del link.times[0], link.places[0]
 
     def find(self, base: str, frame: str, time: float) -> Transform:
-        """Return where a frame was on the base at a time, s.
+        """Return the transform of a frame to the base at a time, s.
 
         Raises:
-            InvalidInputError: It hangs on nothing that the base hangs on, too; or what
-                is between them was not known within :data:`BEYOND` of that time.
+            InvalidInputError: They have no common ancestor, or a transform between them
+                is not known within :data:`BEYOND` of that time.
         """
         up, down = self._above(_name(base)), self._above(_name(frame))
         shared = [name for name in down if name in up]
         if not shared:
-            said = f"where is the frame {frame!r}? It is neither in frames nor in tf"
+            said = f"unknown frame {frame!r}: it is neither in frames nor in tf"
             known = sorted({*self._links, *self._named})
             refused = [self._refused[n] for n in (*down, *up) if n in self._refused]
             said = f"{said} on {base!r}; known: {', '.join(known) or 'none'}"
@@ -107,7 +107,7 @@ class Frames:
         return Transform(rotation, here.rotation.T @ lever)
 
     def _above(self, name: str) -> list[str]:
-        """Return a frame, its parent, and so on; a circle ends where it closes."""
+        """Return a frame and its ancestors; a cycle ends where it closes."""
         found = [name]
         while name in self._links and self._links[name].parent not in found:
             name = self._links[name].parent
@@ -115,7 +115,7 @@ class Frames:
         return found
 
     def _on(self, names: list[str], time: float) -> Transform:
-        """Return the first of some frames as seen from the parent of the last."""
+        """Return the transform of the first frame to the parent of the last."""
         made = Transform(np.eye(3), np.zeros(3))
         for name in names:
             place = self._at(name, time).tolist()
@@ -125,12 +125,12 @@ class Frames:
         return made
 
     def _at(self, name: str, time: float) -> Array:
-        """Return the place of a frame on its parent."""
+        """Return the transform of a frame to its parent."""
         _, times, places = self._links[name]
         if times[0] == -math.inf:
             return places[0]
         gap = max(times[0] - time, time - times[-1])
-        want(gap <= BEYOND, f"tf knows the frame {name!r} only {gap:.2g} s off")
+        want(gap <= BEYOND, f"tf has the frame {name!r} only {gap:.2g} s off")
         i = bisect_right(times, time)
         if i in (0, len(times)):
             return places[min(i, len(times) - 1)]
@@ -139,7 +139,7 @@ class Frames:
 
 
 def between(before: Array, after: Array, share: float) -> Array:
-    """Return the place (7,) between two: by share of the way, and of the turn."""
+    """Return the transform (7,) between two: linear, and slerp."""
     made = before + share * (after - before)
     cos = float(before[3:] @ after[3:])
     other = math.copysign(1.0, cos) * after[3:]
@@ -153,7 +153,7 @@ def between(before: Array, after: Array, share: float) -> Array:
 
 
 def _name(frame: str) -> str:
-    """Return a name of a frame without the slash of ROS 1."""
+    """Return a frame's name without the leading slash of ROS 1."""
     return str(frame).removeprefix("/")
 
 
@@ -164,6 +164,6 @@ def _place(transform: Any) -> Array:
     made = np.array(numbers)
     length = float(np.linalg.norm(made[3:]))
     known = bool(np.isfinite(made).all()) and length > 0.0
-    want(known, "tf wants finite numbers, and quaternions that are not 0")
+    want(known, "tf needs finite numbers, and quaternions that are not 0")
     made[3:] /= length
     return made

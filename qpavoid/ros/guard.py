@@ -1,4 +1,4 @@
-"""What the node does, without ROS: messages in, at every step a twist out."""
+"""Guard of a base: messages in, a safe twist per control step out, without ROS."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -11,6 +11,7 @@ from qpavoid.avoidance.decision import Decision
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.freshness import Fault, Freshness, InputWatch, Latch
 from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.avoidance.watch import WAITING
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Footprint, offset_outline
 from qpavoid.model.given import NO_CAPSULES, NO_POINTS
@@ -49,28 +50,27 @@ STANDSTILL: Twist = (0.0, 0.0)
 ORIGIN: Pose = (0.0, 0.0, 0.0)
 
 FASTER, SPARE = 1.5, np.array([0.1, 0.2])
-"""Odometry may say so many times the limits of the robot, and m and rad (m/s and rad/s
-of its twist) more: bases overshoot, wheels slip, stamps jitter."""
+"""Tolerances of odometry: factor of the robot's limits, and m and rad (m/s and rad/s of
+its twist), for overshoot, slip and jitter."""
 
 SLIP = 0.25
-"""Share of the path of the poses by which the twists may lead elsewhere, beside
-:data:`SPARE`."""
+"""Tolerated difference of twists and poses relative to the path of the poses, in
+addition to :data:`SPARE`."""
 
-LEAST_AWAY, AROUND, CORNER = 0.05, 1.0, 5
-"""m that the border of an unknown sector is beyond the required distance, at least; and
-beyond the circumradius, at most, while it is remembered; points round its corners."""
+LEAST_AWAY, AROUND, CORNER_POINTS = 0.05, 1.0, 5
+"""m: least distance of an unknown sector's border beyond the required distance;
+greatest distance beyond the circumradius at which it is stored; points round its
+corners."""
 
 UNREADABLE = ValueError, TypeError, AttributeError, OverflowError
-"""What reading a message raises that is not what its topic says."""
+"""Exceptions of reading a message that does not match its type."""
 
 TELL = Fault.INVALID, Fault.BLIND, Fault.IMPLAUSIBLE, Fault.JUMPED
-"""Faults whose reason is an error of their topic."""
-
-WAITING = "Inputs are good again; the robot waits until they have been for a while."
+"""Faults whose reason is in the errors of their topic."""
 
 
 class GuardSetup(NamedTuple):
-    """What can be set while it runs; the settings' ``dt`` is the control step."""
+    """Settings that can change at run time; ``dt`` is the control step."""
 
     robot: Robot
     settings: AvoidanceSettings
@@ -78,20 +78,20 @@ class GuardSetup(NamedTuple):
 
 
 class Wiring(NamedTuple):
-    """What the node hears and where its sensors are; empty topics: there is none.
+    """Topics and sensor frames of the node; an empty topic is not used.
 
     Attributes:
         scans: Topics of ``LaserScan``.
         clouds: Topics of ``PointCloud2``.
-        odometry: Of ``Odometry``; without it what was driven is what was given.
+        odometry: Of ``Odometry``; without it the last twist counts as driven.
         tracks: Of tracked discs, see :mod:`qpavoid.ros.messages`.
         height_min_m: Points of clouds below this over the base's origin are floor.
-        height_max_m: Those above pass over the robot.
+        height_max_m: Points above this are ignored: they pass over the robot.
         mask_m: Points in the footprint grown by this may be the robot itself: those
             where a point was in the first messages of their topic
             (:mod:`qpavoid.ros.mask`).
-        mask_boxes_m: Of each x_min, y_min, x_max, y_max on the base, one after the
-            other; points in these boxes are the robot itself, and then no others are.
+        mask_boxes_m: x_min, y_min, x_max, y_max on the base of each box, concatenated;
+            points in these boxes are the robot itself, and then no others are.
         blind_sector_deg: A run of unknown beams wider than this is an unknown sector,
             into which the robot does not drive; narrower ones are dropouts.
         last_beam_stamps: Topics of ``scans`` whose stamp is that of the last beam.
@@ -100,7 +100,7 @@ class Wiring(NamedTuple):
         base_frame: The middle of the axle, x ahead.
         odom_frame: Fixed to the ground.
         frames: Names of the sensors' frames.
-        frame_poses: Of each x, y, z, roll, pitch, yaw on the base, one after the other.
+        frame_poses: x, y, z, roll, pitch, yaw on the base of each, concatenated.
     """
 
     scans: tuple[str, ...] = ("scan",)
@@ -121,16 +121,16 @@ class Wiring(NamedTuple):
 
     @property
     def topics(self) -> list[str]:
-        """All that must be heard.
+        """All required topics.
 
         Raises:
-            InvalidInputError: Nothing sees obstacles, or one is named twice; or what
-                ``last_beam_stamps`` or ``empty_is_free`` names is not among them.
+            InvalidInputError: No topic of obstacles, or one is repeated; or an entry of
+                ``last_beam_stamps`` or ``empty_is_free`` is not among them.
         """
         named = [*self.scans, *self.clouds, self.odometry, self.tracks]
         named = [name for name in named if name]
-        want(len({*named}) == len(named), f"a topic is named twice in {named}")
-        want(bool(self.scans or self.clouds), "name a topic in scans or in clouds")
+        want(len({*named}) == len(named), f"a topic is repeated in {named}")
+        want(bool(self.scans or self.clouds), "scans or clouds must name a topic")
         for key, of in (
             ("last_beam_stamps", self.scans),
             ("empty_is_free", self.clouds),
@@ -144,39 +144,39 @@ class Wiring(NamedTuple):
         """The boxes (n, 4) of ``mask_boxes_m``, m.
 
         Raises:
-            InvalidInputError: Not four numbers a box, or none between them.
+            InvalidInputError: Not four numbers per box, or an empty box.
         """
-        want(len(self.mask_boxes_m) % 4 == 0, "mask_boxes_m wants 4 numbers a box")
+        want(len(self.mask_boxes_m) % 4 == 0, "mask_boxes_m needs 4 numbers per box")
         made = np.array(self.mask_boxes_m, dtype=np.float64).reshape(-1, 4)
         sound = bool((made[:, :2] < made[:, 2:]).all())
-        want(sound, "mask_boxes_m wants x_min, y_min < x_max, y_max")
+        want(sound, "mask_boxes_m needs x_min, y_min < x_max, y_max")
         return made
 
     @property
     def sensors(self) -> dict[str, Transform]:
-        """The frames of the sensors on the base.
+        """Transforms of the sensors' frames to the base.
 
         Raises:
-            InvalidInputError: Not six numbers a frame, or angles not in rad.
+            InvalidInputError: Not six numbers per frame, or angles not in rad.
         """
         poses, many = self.frame_poses, len(self.frames)
-        want(len(poses) == 6 * many, f"frame_poses wants {6 * many} numbers")
+        want(len(poses) == 6 * many, f"frame_poses needs {6 * many} numbers")
         of = Transform.of_angles
         return {k: of(poses[6 * i : 6 * i + 6]) for i, k in enumerate(self.frames)}
 
 
 class GuardStep(NamedTuple):
-    """What became of a control step.
+    """Result of a control step.
 
     Attributes:
         v: m/s, to be driven.
         omega: rad/s.
-        desired: (v, ω) that was asked for.
-        decision: Of the filter; None: it was not asked, the robot brakes.
+        desired: Commanded (v, ω).
+        decision: Of the filter; None: it was not called, the robot brakes.
         faults: By topic.
         ages: s, by topic; ``inf``: never seen.
-        obstacles: That the filter was told, robot frame.
-        notes: Of what was found beside the faults, and why a topic has one, by topic.
+        obstacles: Input of the filter, robot frame.
+        notes: Other findings, and reasons of faults, by topic.
     """
 
     v: float
@@ -190,7 +190,7 @@ class GuardStep(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """What was done, and why."""
+        """Description of the step, with its reasons."""
         notes = [f"{name}: {note}." for name, note in self.notes.items()]
         if self.decision is not None:
             return " ".join([self.decision.status.sentence, *notes])
@@ -199,17 +199,18 @@ class GuardStep(NamedTuple):
 
 
 class Guard:
-    """The filter between a command and a base, among inputs that may fail.
+    """Filter between a command and a base, with monitored inputs.
 
-    It stops among what it saw last while an input has a :class:`Fault`, and until the
-    :class:`Latch` opens. What is seen is brought on to the time of the step by the
-    robot's own motion. A command that is too old is standing still, not a fault.
+    While an input has a :class:`Fault`, and until the :class:`Latch` opens, the robot
+    stops clear of the last known static obstacles. Obstacles are moved to the time of
+    the step by the robot's own motion. An old command is replaced by standing still,
+    which is no fault.
 
     Attributes:
         driven: (v, ω) given last.
-        sensors: Where their frames are on the robot, by the wiring.
-        frames: Where all others are, by tf.
-        errors: What was wrong last, by topic.
+        sensors: Transforms of the sensors' frames, by the wiring.
+        frames: All other frames, by tf.
+        errors: Last error by topic.
     """
 
     def __init__(self, setup: GuardSetup, wiring: Wiring) -> None:
@@ -234,19 +235,19 @@ class Guard:
         self.change(setup)
 
     def change(self, setup: GuardSetup) -> None:
-        """Take other settings from the next step on.
+        """Change the settings from the next step on.
 
-        A twist is held for a step: what is too old at its end is so at its beginning.
+        A twist is held for a step: data have to be fresh until its end.
 
         Raises:
-            InvalidInputError: An age is not above that.
+            InvalidInputError: A greatest age is not above that.
         """
         fresh, dt = setup.freshness, setup.settings.dt
         held = dt * (1.0 + setup.settings.actuation.jitter)
         named = {self.wiring.odometry: fresh.odometry, self.wiring.tracks: fresh.discs}
         oldest = [named.get(name, fresh.points) for name in self.watches]
         known = min(oldest) > held
-        want(known, f"freshness wants ages above the {held:g} s of a step")
+        want(known, f"freshness needs ages above the {held:g} s of a step")
         for watch, age in zip(self.watches.values(), oldest, strict=True):
             watch.oldest, watch.future = age - held, fresh.future
         self.setup = setup
@@ -256,9 +257,9 @@ class Guard:
         self.safety.reset(*self.driven)
 
     def see(self, topic: str, message: Any, now: float, steady: float) -> Fault | None:
-        """Take a message of any input but the command; return why it is refused.
+        """Register a message of any input but the command; return its fault, or None.
 
-        What is seen is read when a step wants it: of a flood, only the newest is.
+        Sensor messages are decoded in the next step: of several, only the newest.
         """
         try:
             stamp = seconds(message.header.stamp)
@@ -280,8 +281,8 @@ class Guard:
     def _moved(self, stamp: float, pose: Pose, twist: Twist) -> Fault | None:
         """Record a pose; a twist beyond the limits, or unlike the poses, is a fault.
 
-        What of the twists has always been exactly 0 was never filled in: that of the
-        poses counts, as in a fault.
+        Components of the twists that were always exactly 0 count as not filled in: the
+        poses' replace them, also during a fault.
         """
         by_poses = np.clip(self.trail.twist_to(stamp, pose), *self._fastest)
         self._filled |= np.array(twist) != 0.0
@@ -297,7 +298,7 @@ class Guard:
 
     @property
     def _fastest(self) -> Array:
-        """The least and the greatest (v, ω) by the greater of the limits, (2, 2)."""
+        """(2, 2) least and greatest (v, ω), symmetric, of the greater limits."""
         limits = self.setup.robot.limits
         speed, turn_rate = (
             (limits.v_min, limits.v_max),
@@ -307,10 +308,10 @@ class Guard:
         return np.array([-most, most])
 
     def _jump(self, stamp: float, pose: Pose) -> Fault | None:
-        """Note until the next step that odometry jumped; a new trail begins then.
+        """Report a jump of odometry until the next step; start a new pose history.
 
-        What was seen before counts as seen from where the robot is said to be now. What
-        a tracker has placed in the frame that jumped waits for its next message.
+        Earlier sights count as seen from the new pose. Tracks in the frame that jumped
+        are dropped until the next message.
         """
         leg = self.trail.leg(stamp, pose)
         most = FASTER * self._fastest[1] * leg.time + SPARE
@@ -330,7 +331,7 @@ class Guard:
         return Fault.JUMPED
 
     def command(self, message: Any, now: float, steady: float) -> None:
-        """Take a desired twist; one that cannot be read is to stand still."""
+        """Register a desired twist; an invalid one is standing still."""
         stamp, desired = now, STANDSTILL
         try:
             header = getattr(message, "header", None)
@@ -342,12 +343,12 @@ class Guard:
             self._desired = desired
 
     def step(self, now: float, steady: float, driven: Twist | None = None) -> GuardStep:
-        """Return what to drive from now on, for a control step.
+        """Return the twist to drive from now on, for a control step.
 
         Args:
             now: Time of the stamps' clock, s.
-            steady: Time of a clock that nobody sets, s.
-            driven: What the robot drives at present, where that is not what was given.
+            steady: Time of a monotonic clock, s.
+            driven: Measured (v, ω), default the last one given.
         """
         for topic in tuple(self._unread):
             self._read(topic, *self._unread.pop(topic))
@@ -374,10 +375,10 @@ class Guard:
         return step
 
     def _filtered(self, step: GuardStep, now: float, driven: Twist | None) -> GuardStep:
-        """Ask the filter; what it cannot be told is a fault."""
+        """Call the filter; invalid arguments are a fault."""
         try:
             obstacles = self._obstacles(now)
-            # A scan stamped by its last beam is older than its stamp says.
+            # A scan stamped by its last beam is older than its stamp.
             ages = (max(step.ages[k], now - x.stamp) for k, x in self._seen.items())
             age = max(ages, default=0.0)
             wanted = step.desired
@@ -390,7 +391,7 @@ class Guard:
         return step._replace(v=v, omega=omega, decision=decision, obstacles=obstacles)
 
     def brake(self, why: str) -> GuardStep:
-        """Return a step that brakes, whatever else is known; the latch closes."""
+        """Return a step that brakes, for any inputs; the latch closes."""
         faults = {"step": Fault.INVALID}
         self.errors["step"], _ = why, self.latch.step(faults)
         ages = dict.fromkeys(self.watches, math.inf)
@@ -398,12 +399,12 @@ class Guard:
         return self._braked(nothing, None)
 
     def stop(self) -> None:
-        """Count as standing from now on; the latch closes."""
+        """Set the robot to standing still; the latch closes."""
         self.driven, self.latch = STANDSTILL, Latch(self.latch.steps)
         self.safety.reset()
 
     def _known(self, now: float, faults: Mapping[str, Fault]) -> Obstacles | None:
-        """Return all that was seen last, where it is known where the robot is."""
+        """Return all obstacles seen last, if the robot's pose is known."""
         if not self._seen or self.wiring.odometry in faults:
             return None
         try:
@@ -412,7 +413,7 @@ class Guard:
             return None
 
     def _braked(self, step: GuardStep, seen: Obstacles | None) -> GuardStep:
-        """Stop among what stood when it was seen last; else brake along the arc."""
+        """Stop clear of the last known static obstacles; else brake along the arc."""
         if seen is None:
             self.safety.reset(*self.driven)
         v, omega, *_ = self.safety.brake(step.sentence, self.driven, seen)
@@ -420,12 +421,12 @@ class Guard:
         return step._replace(v=v, omega=omega)
 
     def _told(self, faults: Mapping[str, Fault]) -> dict[str, str]:
-        """Return what is to be told of topics beside their faults."""
+        """Return the notes and errors of topics beside their faults."""
         known = [k for k, x in faults.items() if x in TELL and k in self.errors]
         return self._notes | {k: self.errors[k] for k in known}
 
     def _read(self, topic: str, message: Any, now: float) -> None:
-        """Read a message; if it is blind or invalid, its topic has a fault."""
+        """Decode a message; a blind or invalid one is a fault of its topic."""
         try:
             seen = self._readers[topic](message)
             if isinstance(seen, Sight):
@@ -449,10 +450,10 @@ class Guard:
         return seen._replace(stamp=min(seen.stamp, latest))
 
     def _look(self, topic: str, seen: Sight) -> Sight:
-        """Return what a sensor saw around the robot: its points (n, 2) on the base.
+        """Return a sensor's obstacles: points (n, 2) on the base.
 
-        It is judged, the robot's own places are learnt, unknown sectors are marked.
-        Beams that end on the robot itself, or in its outline, see nothing around it.
+        Checks the sight, learns and removes the robot's own points, marks unknown
+        sectors. Beams that end on the robot, or in its outline, do not count as valid.
         """
         place, outline, fan = self._place(seen), self.setup.robot.footprint, seen.fan
         flat, valid = self._flat(topic, place.apply(seen.points)), seen.valid
@@ -477,10 +478,10 @@ class Guard:
         return seen._replace(points=flat[~own], after=seen.after[: len(own)][~own])
 
     def _mark(self, topic: str, seen: Sight, fan: Fan) -> None:
-        """Bound the unknown sectors of a scan by points of the ground, which stand.
+        """Bound the unknown sectors of a scan by static points on the ground.
 
-        They are what was seen there last, and the border of what the robot needs to
-        stop. Each goes when its bearing is known again, or the robot has left it.
+        Points seen there last, and the border of the stopping distance. Each is removed
+        when its bearing is known again, or the robot has left it.
         """
         place, least = self._place(seen), math.radians(self.wiring.blind_sector_deg)
         beams = unknown_sectors(fan, place, self._boxes, least)
@@ -493,7 +494,7 @@ class Guard:
         known, away = to_world(before, relative(pose, ORIGIN)), self._away
         kept = np.hypot(*known.T) < robot.footprint.circumradius + away + AROUND
         kept &= hidden(known, fan, beams, place)
-        grown = Footprint(offset_outline(robot.footprint.vertices, away, CORNER))
+        grown = Footprint(offset_outline(robot.footprint.vertices, away, CORNER_POINTS))
         added = border(fan, beams, place, grown.edges)
         bound = to_world(np.vstack([known[kept], added]), pose)
         first = np.unique(np.floor(bound / SPACING), axis=0, return_index=True)[1]
@@ -505,7 +506,7 @@ class Guard:
 
     @property
     def _away(self) -> float:
-        """From the outline, m: the required distance, and room to stop before it."""
+        """Distance of the border from the outline, m: required, and to stop."""
         s, v = self.setup.settings, abs(self.driven[0])
         kept = s.radius.r_min_slow + s.margins.error
         way = v * (s.dt + s.actuation.delay)
@@ -520,7 +521,7 @@ class Guard:
         return self.watches[topic].judge(fault)
 
     def _obstacles(self, now: float) -> Obstacles:
-        """Return all that is seen, as the robot sees it where it is now."""
+        """Return all obstacles in the present robot frame."""
         here, points, capsules = self.trail.at(now), [NO_POINTS], NO_CAPSULES
         for seen in self._seen.values():
             if isinstance(seen, Sight):
@@ -532,11 +533,11 @@ class Guard:
         return Obstacles.of(to_world(ground, relative(here, ORIGIN)), capsules)
 
     def _standing(self, seen: Sight) -> Array:
-        """Return what a sensor saw around the robot: points (n, 2) on the ground, m."""
+        """Return a sensor's points (n, 2) on the ground, m."""
         return placed(seen.points, self.trail.along(seen.stamp + seen.after))
 
     def _place(self, seen: Sight | Tracks) -> Transform:
-        """Return where its frame was on the robot; an unknown one is an error."""
+        """Return the transform of a sensor's frame; an unknown one is an error."""
         if seen.frame in self.sensors:
             return self.sensors[seen.frame]
         return self.frames.find(self.wiring.base_frame, seen.frame, seen.stamp)
@@ -549,7 +550,7 @@ class Guard:
         return np.ascontiguousarray(points[:, :2])
 
     def _is_own(self, topic: str, flat: Array, near: Flags) -> Flags:
-        """Return which points (n, 2) are the robot itself; some of those near to it."""
+        """Return which points (n, 2) are the robot itself; ``near``: candidates."""
         if len(self._boxes):
             return in_boxes(self._boxes, flat)
         own = near.copy()
@@ -557,7 +558,7 @@ class Guard:
         return own
 
     def _tracked(self, seen: Tracks, then: Pose) -> Obstacles:
-        """Return tracked discs in the frame of odometry; of a robot at a pose then."""
+        """Return tracked discs in the odometry frame; ``then``: pose of the robot."""
         discs, velocities = seen.discs, seen.velocities
         if seen.frame != self.wiring.odom_frame:
             place, lift = self._place(seen), np.zeros((len(discs), 1))

@@ -1,12 +1,13 @@
-"""Which points are the robot itself, and where beams that see nothing might hide more.
+"""Masks of the robot's own points, and of unknown sectors.
 
-A point is the robot's own if it lies in one of the configured boxes or, where there are
-none, in the outline (grown by a margin) at a place where a point was in the first
+A point is the robot's own if it lies in one of the configured boxes or, if there are
+none, in the outline (grown by a margin) in a cell where a point was in the first
 :data:`RECORDED` good messages of its topic, before the robot first drove. Any other
-point is an obstacle, inside the outline too. Premise: nothing else is there then.
+point is an obstacle, inside the outline too. Premise: no obstacle is in the outline
+then.
 
-Premise of an unknown sector: nothing that stands is nearer to the robot than the
-required distance when the sector becomes unknown.
+Premise of an unknown sector: no static obstacle in it is inside the required distance
+when the sector becomes unknown.
 """
 
 import numpy as np
@@ -20,56 +21,56 @@ from qpavoid.types import Array
 Flags = npt.NDArray[np.bool_]
 
 RECORDED = 10
-"""Messages of a topic from which the robot's own places are learnt."""
+"""Messages of a topic from which the robot's own cells are learnt."""
 
-CELL = 0.03
-"""m; a place is a square of this size and its eight neighbours."""
+MASK_CELL = 0.03
+"""m; size of a cell; its eight neighbours count, too."""
 
-SHADOW = CELL * np.arange(6)[:, None, None]
-"""m behind an own place, seen along a beam: its edges are seen there, too."""
+SHADOW = MASK_CELL * np.arange(6)[:, None, None]
+"""m behind an own point along its beam, where its edges are seen."""
 
-FAR = 1 << 20
-"""Cells; more than lie in any outline."""
+CELL_STRIDE = 1 << 20
+"""Stride of the cell index; more cells than in any outline."""
 
-PARALLEL = 1e-9
-"""Sine, below which a beam does not cross an edge."""
+PARALLEL_BEAM = 1e-9
+"""Sine of the angle below which a beam counts as parallel to an edge."""
 
 SPACING = 0.1
-"""m; of the points that bound an unknown sector one is kept in a square of this."""
+"""m; grid of the points that bound an unknown sector, one per cell."""
 
 
 def within(footprint: Footprint, points: Array, margin: float) -> Flags:
-    """Return which points (N, 2), m, lie in a footprint, its edges moved out by m."""
+    """Return which points (N, 2), m, lie in a footprint offset by a margin, m."""
     edges = footprint.edges
     reach = (edges[:, :2] * edges[:, 2:4]).sum(axis=1) + margin
     return np.asarray((points @ edges[:, 2:4].T <= reach).all(axis=1))
 
 
 class OwnPlaces:
-    """The places of the robot's own points in the messages of a topic, robot frame.
+    """Cells of the robot's own points in the messages of a topic, robot frame.
 
     Attributes:
-        messages: From which they have been learnt.
+        messages: Number of messages learnt from.
     """
 
     def __init__(self) -> None:
         self.messages, self._cells = 0, np.empty(0, dtype=np.int64)
 
     def learn(self, points: Array, sensor: Array, shadow: bool) -> None:
-        """Add points (n, 2), m, seen from a place (2,), and their shadows."""
+        """Add the cells of points (n, 2), m, and their shadows from a sensor (2,)."""
         if shadow:
             away = points - sensor
-            length = np.maximum(np.hypot(*away.T), CELL)[:, None]
+            length = np.maximum(np.hypot(*away.T), MASK_CELL)[:, None]
             points = (points + SHADOW * away / length).reshape(-1, 2)
-        x, y = np.floor(points / CELL).astype(np.int64).T
-        around = [FAR * (x + i) + y + j for i in (-1, 0, 1) for j in (-1, 0, 1)]
+        x, y = np.floor(points / MASK_CELL).astype(np.int64).T
+        around = [CELL_STRIDE * (x + i) + y + j for i in (-1, 0, 1) for j in (-1, 0, 1)]
         self._cells = np.unique(np.concatenate([self._cells, *around]))
         self.messages += 1
 
     def hold(self, points: Array) -> Flags:
-        """Return which points (n, 2), m, lie at one of them."""
-        x, y = np.floor(points / CELL).astype(np.int64).T
-        return np.isin(FAR * x + y, self._cells)
+        """Return which points (n, 2), m, lie in one of the cells."""
+        x, y = np.floor(points / MASK_CELL).astype(np.int64).T
+        return np.isin(CELL_STRIDE * x + y, self._cells)
 
 
 def in_boxes(boxes: Array, points: Array) -> Flags:
@@ -81,7 +82,7 @@ def in_boxes(boxes: Array, points: Array) -> Flags:
 def unknown_sectors(fan: Fan, place: Transform, boxes: Array, least: float) -> Flags:
     """Return which beams (n,) lie in a run of unknown ones wider than ``least`` rad.
 
-    A beam that enters a box from outside of it is hidden by the robot and not unknown.
+    A beam that enters a box from outside is hidden by the robot and not unknown.
     """
     if len(fan.unknown) < 2 or not fan.unknown.any():
         return np.zeros(len(fan.unknown), dtype=np.bool_)
@@ -104,12 +105,12 @@ def unknown_sectors(fan: Fan, place: Transform, boxes: Array, least: float) -> F
 
 
 def border(fan: Fan, beams: Flags, place: Transform, edges: Array) -> Array:
-    """Return where beams (n,) leave a footprint with these edges: (m, 2)."""
+    """Return the points (m, 2) where beams (n,) leave a footprint with these edges."""
     start, ways = _rays(fan, place)
     along = ways[beams] @ edges[:, 2:4].T
     gap = ((edges[:, :2] - start) * edges[:, 2:4]).sum(axis=1)
     with np.errstate(divide="ignore"):
-        lengths = np.where(along > PARALLEL, gap / along, np.inf).min(axis=1)
+        lengths = np.where(along > PARALLEL_BEAM, gap / along, np.inf).min(axis=1)
     return np.asarray(start + lengths[:, None] * ways[beams])
 
 

@@ -1,14 +1,14 @@
-"""ROS messages as plain values: of whatever has their fields, live or out of a bag.
+"""ROS messages as plain values; live or from a bag, by their fields.
 
 Points are in the frame that the message names, in m. A beam of a ``LaserScan`` is an
 echo between ``range_min`` and ``range_max``, both included; free above ``range_max``,
-``inf`` included (REP 117); an echo at ``range_min`` where it says ``-inf``, too close;
-and unknown where it is NaN, below ``range_min`` or below :data:`NO_RETURN`: no point,
-and not valid. A point of a cloud is unknown where it is not finite or nearer to the
-origin of its frame than that; an empty cloud is unknown as a whole.
+``inf`` included (REP 117); an echo at ``range_min`` if it is ``-inf``, too close; and
+unknown if it is NaN, below ``range_min`` or below :data:`NO_RETURN`: no point, and not
+valid. A point of a cloud is unknown if it is not finite or nearer to the origin of its
+frame than that; an empty cloud is unknown as a whole.
 
 Tracked obstacles are a ``PointCloud2`` with the fields x, y, radius (m), vx, vy (m/s
-over ground, in the axes of its frame), one point a disc.
+over ground, in the axes of its frame), one point per disc.
 """
 
 import math
@@ -22,42 +22,42 @@ from qpavoid.settings import want
 from qpavoid.types import Array, Pose, Twist
 
 DATA_TYPES = dict(enumerate(("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8"), start=1))
-"""Of a PointField, by its number."""
+"""Data types of a PointField, by its number."""
 
 NANOSECOND = 1e-9
 """s."""
 
 MOST_POINTS = 1_000_000
-"""In one message; more is no sensor."""
+"""Greatest number of points of a message."""
 
 NO_ROTATION = 0.1
-"""A quaternion whose length is so far from 1 was never filled in."""
+"""Least deviation of a quaternion's length from 1 that counts as not filled in."""
 
 NO_RETURN = 0.1
-"""m from the sensor, nearer than which nothing is measured: drivers put no-returns
-there, as ranges of 0 or points (0, 0, 0)."""
+"""m; distance from the sensor below which there is no measurement: drivers put
+no-returns there, as ranges of 0 or points (0, 0, 0)."""
 
-STUCK = 0.9
-"""Share of beams; the very same range in so many is a value that is filled in."""
+STUCK_SHARE = 0.9
+"""Share of beams with the same range from which on the range counts as a constant."""
 
-ROUNDING = 1e-6
+RANGE_ROUNDING = 1e-6
 """Relative error of a range_max in single precision."""
 
 MOST_ENDS_OFF = 1.5
-"""Increments between angle_max and the last beam: drivers count n or n − 1 of them."""
+"""Tolerance of angle_max in increments: drivers count n or n − 1 of them."""
 
 MOST_SPAN, MOST_TURNS = 1.0, 2.0
-"""From the first beam to the last: s, and times scan_time."""
+"""Greatest time from the first beam to the last: s, and multiples of scan_time."""
 
 TRACK_FIELDS = ("x", "y", "radius", "vx", "vy")
 
 
 class Fan(NamedTuple):
-    """The beams of a scan.
+    """Beams of a scan.
 
     Attributes:
         first: Angle of the first, rad.
-        step: Angle from one to the next, rad, not 0 where there are two.
+        step: Angle from one to the next, rad, not 0 if there are two.
         unknown: (n,) Whether a beam is neither an echo nor free.
         span: Time from the first to the last, s.
     """
@@ -69,7 +69,7 @@ class Fan(NamedTuple):
 
 
 class Sight(NamedTuple):
-    """What a sensor saw.
+    """Obstacles of one message of a sensor.
 
     Attributes:
         stamp: s.
@@ -77,9 +77,9 @@ class Sight(NamedTuple):
         points: (N, 3) echoes in that frame, m.
         after: (N,) s from the stamp to each of them.
         valid: Share of its beams, or points, that are known.
-        stuck: Whether the share :data:`STUCK` of all beams are echoes at the very same
-            range, or more than half of the points of a cloud are the very same.
-        fan: The beams of a scan; None: it is a cloud.
+        stuck: Whether the share :data:`STUCK_SHARE` of all beams are echoes at the same
+            range, or more than half of the points of a cloud are equal.
+        fan: The beams of a scan; None for a cloud.
         empty: Whether it is a cloud without points.
     """
 
@@ -94,7 +94,7 @@ class Sight(NamedTuple):
 
 
 class Tracks(NamedTuple):
-    """Obstacles that somebody tracks: discs (M, 3) in m, velocities (M, 2) in m/s."""
+    """Tracked obstacles: discs (M, 3) in m, velocities (M, 2) in m/s."""
 
     stamp: float
     frame: str
@@ -108,20 +108,19 @@ def seconds(stamp: Any) -> float:
 
 
 def read_scan(message: Any) -> Sight:
-    """Return a ``sensor_msgs/LaserScan``; ``angle_max`` and times as far as it has any.
+    """Return a ``sensor_msgs/LaserScan``; ``angle_max`` and times are optional.
 
     Raises:
-        InvalidInputError: Its angles or limits are not finite, or all angles the same;
-            ``angle_max`` is not where its beams end, or ``time_increment`` no time of
-            one.
+        InvalidInputError: Its angles or limits are not finite, or all angles equal;
+            ``angle_max`` or ``time_increment`` do not fit.
     """
     ranges = np.asarray(message.ranges, dtype=np.float64)
     near, far = float(message.range_min), float(message.range_max)
     fan = _fan(message, ranges)
-    want(0.0 <= near < far, "a scan wants finite angles, 0 <= min < max")
+    want(0.0 <= near < far, "a scan needs finite angles, 0 <= min < max")
     near = max(near, NO_RETURN)
     close = ranges == -np.inf
-    free = (ranges == np.inf) | (ranges > far * (1.0 + ROUNDING))
+    free = (ranges == np.inf) | (ranges > far * (1.0 + RANGE_ROUNDING))
     echo = ((ranges >= near) & ~free) | close
     beams = np.flatnonzero(echo)
     angles = fan.first + fan.step * beams
@@ -130,24 +129,24 @@ def read_scan(message: Any) -> Sight:
     points[:, 0], points[:, 1] = distances * np.cos(angles), distances * np.sin(angles)
     valid = float((echo | free).mean()) if len(ranges) else 0.0
     same = np.count_nonzero(distances == np.median(distances)) if len(distances) else 0
-    stuck = len(ranges) > 2 and same >= STUCK * len(ranges)
+    stuck = len(ranges) > 2 and same >= STUCK_SHARE * len(ranges)
     fan = fan._replace(unknown=~(echo | free))
     after = beams * np.float64(fan.span / max(len(ranges) - 1, 1))
     return Sight(*_header(message), points, after, valid, bool(stuck), fan)
 
 
 def _fan(message: Any, ranges: Array) -> Fan:
-    """Return the beams of a scan; which are unknown is not looked at."""
+    """Return the beams of a scan, with all of them unknown."""
     first, step = float(message.angle_min), float(message.angle_increment)
     many = len(ranges) if ranges.ndim == 1 else MOST_POINTS + 1
-    want(many <= MOST_POINTS, "a scan wants ranges")
+    want(many <= MOST_POINTS, "a scan needs ranges")
     known = math.isfinite(first) and math.isfinite(first + step * many)
-    want(known and math.isfinite(message.range_min), "a scan wants finite angles")
+    want(known and math.isfinite(message.range_min), "a scan needs finite angles")
     if many < 2:
         return Fan(first, step, np.ones(many, dtype=np.bool_))
-    want(step != 0.0, "a scan wants an angle_increment")
+    want(step != 0.0, "a scan needs an angle_increment")
     last = first + step * (many - 1)
-    told = float(getattr(message, "angle_max", 0.0)) or last  # 0: never filled in
+    told = float(getattr(message, "angle_max", 0.0)) or last  # 0: not filled in
     said = f"angle_max is {told:.4g} rad, but {many} beams end at {last:.4g} rad"
     want(abs(told - last) <= MOST_ENDS_OFF * abs(step), said)
     span = float(getattr(message, "time_increment", 0.0)) * (many - 1)
@@ -184,7 +183,7 @@ def read_tracks(message: Any) -> Tracks:
     """
     rows = _columns(message, TRACK_FIELDS)
     sound = np.isfinite(rows).all() and (rows[:, 2] >= 0.0).all()
-    want(bool(sound), "tracked discs want finite numbers and radii of 0 or more")
+    want(bool(sound), "tracked discs need finite numbers and radii of 0 or more")
     return Tracks(*_header(message), rows[:, :3].copy(), rows[:, 3:].copy())
 
 
@@ -207,7 +206,7 @@ def _columns(message: Any, names: tuple[str, ...]) -> Array:
         table: Any = np.frombuffer(lines.tobytes(), dtype=row)
     except (KeyError, ValueError, TypeError) as error:
         raise InvalidInputError(f"a cloud's data do not fit: {error}") from None
-    want(len(table) == high * wide, "a cloud's data are not as long as it says")
+    want(len(table) == high * wide, "a cloud's data do not have its width and height")
     return np.column_stack([table[name].astype(np.float64) for name in names])
 
 
@@ -220,11 +219,11 @@ def read_odometry(message: Any) -> tuple[Pose, Twist]:
     place, moves = message.pose.pose, message.twist.twist
     x, y, z, w = (float(getattr(place.orientation, name)) for name in "xyzw")
     turns = abs(math.hypot(x, y, z, w) - 1.0) < NO_ROTATION
-    want(turns, "odometry wants a quaternion of length 1")
+    want(turns, "odometry needs a quaternion of length 1")
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     pose = float(place.position.x), float(place.position.y), yaw
     twist = float(moves.linear.x), float(moves.angular.z)
-    want(all(map(math.isfinite, (*pose, *twist))), "odometry wants finite numbers")
+    want(all(map(math.isfinite, (*pose, *twist))), "odometry needs finite numbers")
     return pose, twist
 
 
@@ -236,7 +235,7 @@ def read_twist(message: Any) -> Twist:
     """
     moves = getattr(message, "twist", message)
     v, omega = float(moves.linear.x), float(moves.angular.z)
-    want(math.isfinite(v) and math.isfinite(omega), "a twist wants finite numbers")
+    want(math.isfinite(v) and math.isfinite(omega), "a twist needs finite numbers")
     return v, omega
 
 

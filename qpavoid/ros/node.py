@@ -1,14 +1,14 @@
-"""The ROS 2 node: a lifecycle node in the slot of Nav2's collision monitor.
+"""ROS 2 node: a lifecycle node in place of Nav2's collision monitor.
 
-``cmd_vel_in`` → ``cmd_vel_out``, beside scans, clouds, tracks and odometry as
+Topics ``cmd_vel_in`` → ``cmd_vel_out``; scans, clouds, tracks and odometry as
 :mod:`qpavoid.ros.parameters` names them; ``~/markers``, ``~/latency`` (s, from the
 arrival of a scan to the twist), ``/diagnostics``; an Empty on ``~/acknowledge`` opens
-the latch. A twist is given when a scan comes and ``dt_s`` has passed since the last,
-and without one after ``dt_s`` (1 + ``actuation.jitter``): a robot that nobody commands
-steps aside too. While it is not active it gives none.
+the latch. A twist is published when a scan arrives and ``dt_s`` has passed since the
+last one, and without a scan after ``dt_s`` (1 + ``actuation.jitter``): without commands
+the robot evades, too. While the node is not active it publishes none.
 
 rclpy comes with ROS (``Dockerfile`` beside the configurations), from RoboStack's conda
-channel where there is no apt, or from PyPI on x86-64 (``ros-jazzy-rclpy``).
+channel without apt, or from PyPI on x86-64 (``ros-jazzy-rclpy``).
 """
 
 import signal
@@ -40,14 +40,14 @@ from qpavoid.ros.report import Drawing, diagnose, markers, warm
 from qpavoid.types import Pair
 
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""As sensors publish; of what waits only the newest counts."""
+"""QoS of sensors; of waiting messages only the newest is used."""
 
 MANY = QoSProfile(depth=100)
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""As tf is published, and static tf."""
+"""QoS of tf, and of static tf."""
 
-LOOK, TELL = 0.2, 1.0
-"""s between two sets of markers, and two of diagnostics."""
+MARKERS_EVERY, DIAGNOSTICS_EVERY = 0.2, 1.0
+"""s; periods of markers and of diagnostics."""
 
 SUCCESS, STRIP, LINES = (
     TransitionCallbackReturn.SUCCESS,
@@ -57,7 +57,7 @@ SUCCESS, STRIP, LINES = (
 
 
 class SafetyNode(LifecycleNode):  # type: ignore[misc]
-    """The node; all that it decides is :class:`qpavoid.ros.guard.Guard`'s."""
+    """The node; :class:`qpavoid.ros.guard.Guard` makes all decisions."""
 
     def __init__(self) -> None:
         super().__init__("qpavoid")
@@ -88,16 +88,16 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
 
     @property
     def autostart(self) -> bool:
-        """Whether it wants to be configured and activated at once."""
+        """Whether to configure and activate at once."""
         return self._run.autostart
 
     def _now(self) -> Pair:
-        """Return the time of the stamps' clock and of the steady one, s."""
+        """Return the times of the stamps' clock and of the monotonic one, s."""
         now, steady = self.get_clock().now(), self._steady.now()
         return NANOSECOND * now.nanoseconds, NANOSECOND * steady.nanoseconds
 
     def _on_parameters(self, changed: list[Any]) -> SetParametersResult:
-        """Take what fits, from the next step on; refuse the rest with its reason."""
+        """Accept valid parameters from the next step on; reject others."""
         news = {one.name: one.value for one in changed if one.name in self._values}
         values = self._values | news
         try:
@@ -110,7 +110,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         return SetParametersResult(successful=True)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Make and warm the filter, publishers and subscriptions."""
+        """Create the filter, publishers and subscriptions, and compile."""
         try:
             setup = setup_of(self._values, self._robot, self._run.dt_s)
             warm(Guard(setup, self._wiring))
@@ -138,7 +138,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         return SUCCESS
 
     def _hear_frames(self, guard: Guard) -> None:
-        """Listen to tf; its messages come with ROS."""
+        """Subscribe to tf, whose messages come with ROS."""
         from tf2_msgs.msg import TFMessage
 
         for topic, fixed in (("/tf", False), ("/tf_static", True)):
@@ -147,11 +147,11 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             self._heard.append(self.create_subscription(TFMessage, topic, call, qos))
 
     def _on_frames(self, guard: Guard, fixed: bool, message: Any) -> None:
-        """Take what tf says."""
+        """Register a tf message."""
         guard.frames.add(message, fixed)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Give twists from now on; the robot stands until all inputs are good."""
+        """Publish twists from now on; the robot stands until all inputs are valid."""
         jitter, dt = self._values["actuation.jitter"], self._run.dt_s
         self._timer = self.create_timer(
             dt * (1.0 + jitter), self._step, None, self._steady
@@ -159,12 +159,12 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         return SUCCESS
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Give a last twist, that of standing still."""
+        """Publish a last twist, standing still."""
         self._stop()
         return SUCCESS
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Forget everything but the parameters."""
+        """Reset all but the parameters."""
         for heard in self._heard:
             self.destroy_subscription(heard)
         for said in (self._out, self._markers, self._ages, self._diagnostics):
@@ -173,7 +173,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         return SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stand still."""
+        """Publish standing still."""
         self._stop()
         return SUCCESS
 
@@ -186,14 +186,14 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
                 self._guard.stop()
 
     def run(self) -> None:
-        """Hear and answer until something goes wrong in what was heard."""
+        """Process messages until an exception is raised in a callback."""
         try:
             rclpy.spin(self)
         except Exception as error:
-            self.get_logger().error(f"passed over: {error!r}")
+            self.get_logger().error(f"message ignored: {error!r}")
 
     def _on_input(self, topic: str, message: Any) -> None:
-        """Hear an input; a scan that comes when a step is due is answered at once."""
+        """Register an input; a scan starts a step if one is due."""
         guard, (now, steady) = self._guard, self._now()
         if guard is None or guard.see(topic, message, now, steady) is not None:
             return
@@ -204,7 +204,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
                 self._step()
 
     def _step(self) -> None:
-        """Do a control step; whatever goes wrong in it, the robot brakes."""
+        """Do a control step; on any exception the robot brakes."""
         guard, (now, steady) = self._guard, self._now()
         if guard is None:
             return
@@ -221,11 +221,11 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             self._latency.append(self._now()[1] - self._arrival)
             self._ages.publish(Float64(data=self._latency[-1]))
             self._answered = self._arrival
-        if steady - self._drawn >= LOOK:
+        if steady - self._drawn >= MARKERS_EVERY:
             self._drawn = steady
             self._markers.publish(self._as_markers(markers(guard, step)))
         state = f"{step.faults} {step.decision and step.decision.status}"
-        if steady - self._told >= TELL or state != self._state:
+        if steady - self._told >= DIAGNOSTICS_EVERY or state != self._state:
             self._tell(guard, step, steady)
         self._state = state
 
@@ -255,7 +255,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         self._told, self._steps = steady, 0
 
     def _as_markers(self, drawn: list[Drawing]) -> MarkerArray:
-        """Return lines as markers on the base, one of each namespace."""
+        """Return lines as markers on the base, one per namespace."""
         made = []
         for one in drawn:
             marker = Marker(ns=one.name, type=LINES if one.pairs else STRIP)
@@ -270,7 +270,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
 
 
 def interrupted(*_: Any) -> None:
-    """End as by Ctrl-C: with a last twist."""
+    """Raise KeyboardInterrupt, as by Ctrl-C: with a last twist."""
     raise KeyboardInterrupt
 
 

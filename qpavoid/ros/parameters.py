@@ -1,8 +1,8 @@
 """Parameters of the node: keys of scenario files, ``radius.r_min_slow_m``, and its own.
 
 Names, units, ranges and defaults are those that the settings declare
-(:mod:`qpavoid.settings`); a value that does not fit is refused with its name, and what
-was set before stays.
+(:mod:`qpavoid.settings`); an invalid value is rejected by name, and the previous one
+kept.
 """
 
 from collections.abc import Mapping
@@ -27,22 +27,22 @@ TABLES: dict[str, type[Any]] = {
     "freshness": Freshness,
     "robot": Limits,
 }
-"""What can be changed while it runs, and the shape."""
+"""Tables that can be changed at run time."""
 
 SHAPE = "robot.footprint_m"
-"""x1, y1, x2, y2, … counter-clockwise; empty: as the preset."""
+"""x1, y1, x2, y2, … counter-clockwise; empty: the preset's."""
 
 
 class Running(NamedTuple):
-    """How the node runs; beside its wiring, fixed once it has started.
+    """Parameters fixed at the start, besides the wiring.
 
     Attributes:
-        dt_s: Control step: no two twists are given in less.
+        dt_s: Control step: least time between two twists.
         robot_preset: As in scenario files.
         stamped: Commands are TwistStamped, in and out; else Twist.
         tf: Listen to ``/tf`` and ``/tf_static`` for frames that are not named.
-        driven_from_odometry: The filter is told what odometry says is driven.
-        autostart: Configure and activate without being asked to.
+        driven_from_odometry: Odometry's twist is the filter's ``driven``.
+        autostart: Configure and activate at the start.
     """
 
     dt_s: float = 0.02
@@ -66,7 +66,7 @@ def preset(name: str) -> Robot:
 
 
 def defaults(robot: Robot) -> dict[str, Any]:
-    """Return all that can be changed while it runs, with the defaults of a robot."""
+    """Return all parameters that can change at run time, with a robot's defaults."""
     found: dict[str, Any] = {SHAPE: ()}
     for table, kind in TABLES.items():
         for setting in declared(kind):
@@ -78,7 +78,7 @@ def defaults(robot: Robot) -> dict[str, Any]:
 
 
 def setup_of(values: Mapping[str, Any], robot: Robot, dt: float) -> GuardSetup:
-    """Return what some parameters set.
+    """Return the settings of some parameters.
 
     Args:
         values: By name, all of :func:`defaults`.
@@ -91,7 +91,7 @@ def setup_of(values: Mapping[str, Any], robot: Robot, dt: float) -> GuardSetup:
     footprint = robot.footprint
     if len(values[SHAPE]):
         flat = np.asarray(values[SHAPE], dtype=np.float64)
-        want(len(flat) % 2 == 0, f"{SHAPE} wants pairs of numbers")
+        want(len(flat) % 2 == 0, f"{SHAPE} needs pairs of numbers")
         footprint = Footprint.polygon(flat.reshape(-1, 2))
     robot = replace(robot, footprint=footprint, limits=_made("robot", values))
     parts = {name: _made(name, values) for name in PARTS}

@@ -1,4 +1,4 @@
-"""What the node tells: diagnostics and markers, as plain values."""
+"""Diagnostics and markers of the node, as plain values."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -19,7 +19,7 @@ OK, WARN, ERROR = range(3)
 HINDERED = {Status.BLOCKED, Status.HOLDING, Status.STOPPED, Status.RELAXED}
 
 DRAWN_EVERY = 0.1
-"""s between two points of a plan."""
+"""s; spacing of the drawn points of a plan."""
 
 BRAKE = Plan(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -30,7 +30,7 @@ class Diagnosis(NamedTuple):
     Attributes:
         level: :data:`OK`, :data:`WARN` or :data:`ERROR`.
         message: A sentence.
-        values: What is measured, by key.
+        values: Measurements, by key.
     """
 
     level: int
@@ -39,7 +39,7 @@ class Diagnosis(NamedTuple):
 
 
 class Drawing(NamedTuple):
-    """Something to be drawn in the robot frame.
+    """A line drawing in the robot frame.
 
     Attributes:
         name: Its namespace.
@@ -57,12 +57,12 @@ class Drawing(NamedTuple):
 def diagnose(
     guard: Guard, step: GuardStep, latency: Sequence[float], rate: float
 ) -> Diagnosis:
-    """Return what there is to say of a step.
+    """Return the diagnostics of a step.
 
     Args:
-        guard: That made it.
+        guard: Guard of the step.
         step: The latest.
-        latency: Of late, from the arrival of a scan to the twist, s.
+        latency: Recent ones, from the arrival of a scan to the twist, s.
         rate: Steps, 1/s.
     """
     decision, values = step.decision, dict[str, str]()
@@ -87,7 +87,7 @@ def diagnose(
         refused = ", ".join(f"{n} {why}" for why, n in watch.refused.items() if n)
         age = f"{step.ages[name]:.3g} s old"
         values[name] = f"{state}, {age}; refused: {refused or 'none'}"
-    values |= {f"{name} said": error for name, error in guard.errors.items()}
+    values |= {f"{name} error": error for name, error in guard.errors.items()}
     return Diagnosis(level, step.sentence, values)
 
 
@@ -106,20 +106,20 @@ def markers(guard: Guard, step: GuardStep) -> list[Drawing]:
     way = places_of(made, plan, (step.v, step.omega), DRAWN_EVERY)
     return [
         Drawing("footprint", closed(outline), body),
-        Drawing("zone of what is slow", closed(slow), (0.9, 0.6, 0.0, 0.8)),
-        Drawing("zone of what is fast", closed(fast), (0.9, 0.6, 0.0, 0.4)),
+        Drawing("zone of slow obstacles", closed(slow), (0.9, 0.6, 0.0, 0.8)),
+        Drawing("zone of fast obstacles", closed(fast), (0.9, 0.6, 0.0, 0.4)),
         Drawing("active contacts", lines, (0.9, 0.0, 0.0, 1.0), pairs=True),
         Drawing("plan", way, (0.0, 0.6, 0.3, 1.0)),
     ]
 
 
 def closed(vertices: Array) -> Array:
-    """Return an outline that ends where it begins."""
+    """Return an outline with its first vertex repeated at its end."""
     return np.vstack([vertices, vertices[:1]])
 
 
 def contact_lines(footprint: Footprint, step: GuardStep) -> Array:
-    """Return the lines (2 n, 2) from the robot to the obstacles that hold it, m."""
+    """Return the lines (2 n, 2) from the robot to its active obstacles, m."""
     active = step.decision.active if step.decision is not None else ()
     contacts = Contacts.of(footprint, step.obstacles)
     rows = np.isin(contacts.obstacle, active)
@@ -129,6 +129,6 @@ def contact_lines(footprint: Footprint, step: GuardStep) -> Array:
 
 
 def warm(guard: Guard) -> None:
-    """Let all be compiled that a step wants."""
+    """Compile all functions that a step calls."""
     guard.safety.filter(0.0, 0.0, [(9.0, 9.0)], [(9.0, -9.0, 0.1)])
     markers(guard, guard.step(0.0, 0.0))

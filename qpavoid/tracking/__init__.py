@@ -1,1 +1,1 @@
-"""Where the robot is meant to be: planned paths (Eq. 2, 3) and tracking (Eq. 6)."""
+"""Reference motions: planned paths (Eq. 2, 3) and tracking (Eq. 6)."""

@@ -1,17 +1,17 @@
-"""A reference that waits: the path's clock slows down for a robot that is held up.
+"""Reference that waits: the path's clock slows down for a delayed robot.
 
-The path is followed at its own progress s, in s, with ds/dt = ρ in [0, 1]. Its twist is
-handed on as ρ v_r and ρ ω_r, so what is tracked stays the motion of a unicycle, only
-slower. ρ depends on the lag alone, the distance to the reference along the reference's
-heading: a robot beside its reference, or ahead of it, is never waited for.
+The path is followed at its own progress s, in s, with ds/dt = ρ in [0, 1]. Its twist
+becomes ρ v_r and ρ ω_r, so the reference stays the motion of a unicycle, only slower. ρ
+depends on the lag alone, the distance to the reference along the reference's heading: a
+robot beside its reference, or ahead of it, does not slow it.
 
-The clock cannot stop for good. With ``least_rate`` above 0 it never stops at all: where
-an obstacle lies on the path, the reference has to come out behind it before the robot
-is drawn round it. And even with 0, a robot that drives Eq. 6 is soon back. For any
-ρ ≥ 0, V = (e_x² + e_y²)/2 + (1 − cos e_γ)/k_y has V̇ = −k_x e_x² − (k_γ/k_y) sin² e_γ
+The clock cannot stop for good. With ``least_rate`` above 0 it never stops: an obstacle
+on the path needs the reference to pass it before the robot is drawn round it. With 0,
+a robot that drives Eq. 6 catches up. For any ρ ≥ 0,
+V = (e_x² + e_y²)/2 + (1 − cos e_γ)/k_y has V̇ = −k_x e_x² − (k_γ/k_y) sin² e_γ
 [Kanayama1990], so |e_y| ≤ R with R² = 2 V(0). The lag is e_x cos e_γ + e_y sin e_γ;
 where it exceeds ``free``, |e_x| > free/2 or |sin e_γ| > free/(2R), and V falls faster
-than c = min(k_x, k_γ/(k_y R²)) free²/4: all waiting together takes V(0)/c at most.
+than c = min(k_x, k_γ/(k_y R²)) free²/4: the total waiting time is at most V(0)/c.
 """
 
 import math
@@ -25,20 +25,20 @@ from qpavoid.tracking.kanayama import Reference
 from qpavoid.types import Array, Matrix, Pose, Sizes
 
 Follow: TypeAlias = Callable[[Pose], tuple[Reference, float]]
-"""From the robot's pose to the reference and its progress in control steps."""
+"""Function from the robot's pose to the reference and its progress in control steps."""
 
 
 @dataclass(frozen=True)
 class Waiting:
     """Settings of the clock.
 
-    A robot that was held for a time T is asked by Eq. 6 for at most
-    v_r + k_x (wide + least_rate v_r T), instead of v_r + k_x v_r T.
+    After a delay T, Eq. 6 asks for at most v_r + k_x (wide + least_rate v_r T) instead
+    of v_r + k_x v_r T.
 
     Attributes:
-        free: m; up to this lag the path keeps its own pace, ρ = 1.
-        wide: m; from this lag on it keeps its least pace.
-        least_rate: That pace, 0 to 1; with 1 the reference never waits.
+        free: m; up to this lag ρ = 1.
+        wide: m; from this lag on ρ = ``least_rate``.
+        least_rate: Least ρ, 0 to 1; with 1 the reference never waits.
 
     Raises:
         InvalidInputError: Not 0 ≤ free < wide, or least_rate not in [0, 1].
@@ -49,10 +49,10 @@ class Waiting:
     least_rate: Annotated[float, SHARE] = 0.05
 
     def __post_init__(self) -> None:
-        check(self, "waiting wants")
+        check(self, "waiting needs")
         want(
             self.free < self.wide,
-            f"waiting wants 0 <= free < wide, not {self.free:g} and {self.wide:g}",
+            f"waiting needs 0 <= free < wide, not {self.free:g} and {self.wide:g}",
         )
 
     @property
@@ -61,9 +61,9 @@ class Waiting:
         return self.free, self.wide, self.least_rate
 
     def start(self, plan: Array, place: float = 0.0) -> Follow:
-        """Return the clock of a new run along a plan (n, 5), a row a control step.
+        """Return the clock of a new run along a plan (n, 5), one row per control step.
 
-        It begins at a place, in rows.
+        It starts at ``place``, in rows.
         """
         lags = self.lags
 
@@ -78,7 +78,7 @@ class Waiting:
 
 
 NEVER = Waiting(least_rate=1.0)
-"""The path keeps its own time, as in the paper."""
+"""Clock that does not wait, as in the paper."""
 
 
 @compiled
@@ -98,28 +98,29 @@ def progress_rate(lag: float, free: float, wide: float, least_rate: float) -> fl
 
 
 TimedPlan: TypeAlias = Annotated[Matrix, Sizes(2, 5)]
-"""(n, 5): see :class:`Reference`, a row a tick."""
+"""(n, 5): see :class:`Reference`, one row per control step."""
 
 
 LAST_ROW = 1e9
-"""Of a plan; no place is beyond."""
+"""Greatest row index of a plan."""
 
 
 @entry
 @compiled_once
 def is_place(plan: TimedPlan, place: float) -> bool:
-    """Return whether it is a place, or beyond the last one."""
+    """Return whether ``place`` is a valid row index; it may be beyond the last row."""
     return 0.0 <= place < LAST_ROW
 
 
 @entry_if(is_place)
 @compiled
 def row_at(plan: TimedPlan, place: float) -> Reference:
-    """Return the reference at a place of a plan, linear between rows.
+    """Return the reference at a fractional row of a plan, by linear interpolation.
 
     Args:
-        plan: (n, 5) x, y (m), γ (rad), v (m/s), ω (rad/s), a row a control step; n ≥ 2.
-        place: In rows, at least 0; after the last one it is that one.
+        plan: (n, 5) x, y (m), γ (rad), v (m/s), ω (rad/s), one row per control step;
+            n ≥ 2.
+        place: In rows, at least 0; beyond the last one it is the last.
     """
     row = min(int(place), plan.shape[0] - 2)
     share = min(place - row, 1.0)
@@ -138,7 +139,7 @@ def row_at(plan: TimedPlan, place: float) -> Reference:
 def waiting_reference(
     plan: TimedPlan, place: float, pose: Pose, lags: tuple[float, float, float]
 ) -> tuple[Reference, float]:
-    """Return the reference for a robot, with ρ v_r and ρ ω_r for its twist; and ρ.
+    """Return the reference, with the twist ρ v_r and ρ ω_r, and ρ.
 
     Args:
         plan: As :func:`row_at` takes it.

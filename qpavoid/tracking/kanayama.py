@@ -14,7 +14,7 @@ from qpavoid.types import Array, Pose, Twist
 
 
 class Reference(NamedTuple):
-    """Where the robot is to be.
+    """Reference pose and twist.
 
     Attributes:
         x: x_r, m.
@@ -32,11 +32,11 @@ class Reference(NamedTuple):
 
 
 Track: TypeAlias = Callable[[Pose, Reference], Twist]
-"""From pose and reference to the desired twist."""
+"""Function from pose and reference to the desired twist."""
 
 
 class Tracker(Protocol):
-    """A tracking law with its settings; it holds no state of any run."""
+    """A tracking law with its settings, without the state of a run."""
 
     @property
     def array(self) -> Array:
@@ -63,7 +63,7 @@ class Gains:
     k_gamma: Annotated[float, "radps", NOT_NEGATIVE] = 2.0
 
     def __post_init__(self) -> None:
-        check(self, "gains want")
+        check(self, "gains need")
 
 
 @entry
@@ -82,7 +82,7 @@ def kanayama(error: Pose, reference: Twist, gains: tuple[float, float, float]) -
     """Return v_f of Eq. 6, m/s and rad/s, for gains k_x, k_y, k_γ.
 
     v_f = v_r cos e_γ + k_x e_x and ω_f = ω_r + v_r k_y e_y + k_γ sin e_γ. With v_r = 0
-    nothing corrects e_y: a parked robot that was pushed aside stays beside its place.
+    nothing corrects e_y: a displaced robot at rest keeps its lateral error.
     """
     (e_x, e_y, e_gamma), (v_r, omega_r), (k_x, k_y, k_gamma) = error, reference, gains
     return (
@@ -93,7 +93,7 @@ def kanayama(error: Pose, reference: Twist, gains: tuple[float, float, float]) -
 
 @dataclass(frozen=True)
 class KanayamaTracker:
-    """Eq. 6 and nothing else, as in the paper.
+    """Eq. 6 alone, as in the paper.
 
     Attributes:
         gains: k_x, k_y, k_γ.

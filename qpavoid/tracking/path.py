@@ -16,17 +16,17 @@ from qpavoid.settings import NOT_NEGATIVE, POSITIVE, check
 from qpavoid.types import Array, Pose
 
 SPACING = 0.1
-"""Distance, m, at which a polyline is sampled before it is smoothed."""
+"""m; spacing at which a polyline is sampled before smoothing."""
 
 LONGEST = 2e3
-"""m; twenty thousand points of a spline, 200,000 of its table, a tenth of a second."""
+"""m; greatest length of a path: 200,000 rows of its table."""
 
-MANY, KNOT = 2_000, 3
+MANY_POINTS, KNOT = 2_000, 3
 """Points of a polyline above which its spline has a fixed knot at every third of them:
-to search for the fewest knots takes seconds where the polyline is rough."""
+the search for the fewest knots takes seconds for a rough polyline."""
 
 DISTINCT = 1e-6
-"""m, or of k; a shorter polyline or slope is a point: it has no direction."""
+"""m, or of k; least length of a polyline or slope that has a direction."""
 
 
 @runtime_checkable
@@ -40,12 +40,12 @@ class Path(Protocol):
 
 @dataclass(frozen=True)
 class Station:
-    """Standing at a pose (x, y, γ)."""
+    """Rest at a pose (x, y, γ)."""
 
     pose: Pose
 
     def sample(self, times: Array) -> Array:
-        """Return the same pose, at rest, for all times."""
+        """Return the pose, at rest, for all times."""
         return np.tile([*self.pose, 0.0, 0.0], (len(times), 1))
 
 
@@ -62,7 +62,7 @@ class CubicPath:
         start: (x_i, y_i, γ_i).
         goal: (x_f, y_f, γ_f).
         k: Length of the end tangents, m.
-        duration: T, s; afterwards the path stands at its goal.
+        duration: T, s; afterwards the reference rests at the goal.
 
     Raises:
         InvalidInputError: k or T is not positive, or the path has a cusp, where its
@@ -75,11 +75,11 @@ class CubicPath:
     duration: Annotated[float, "s", POSITIVE]
 
     def __post_init__(self) -> None:
-        check(self, "a cubic path wants")
+        check(self, "a cubic path needs")
         if not np.isfinite([*self.start, *self.goal]).all():
-            raise InvalidInputError("a cubic path wants finite poses")
+            raise InvalidInputError("a cubic path needs finite poses")
         _, slope, _ = self._curve(np.linspace(0.0, 1.0, 1001))
-        # Between two samples a cusp shows as a slope that turns by more than 90°.
+        # A cusp turns the slope by more than 90° between two samples.
         before, after = slope[:, :-1], slope[:, 1:]
         reverses = (before * after).sum(axis=0) <= 0.0
         if reverses.any() or np.hypot(*slope).min() < DISTINCT * self.k:
@@ -118,7 +118,7 @@ class CubicPath:
 
 @dataclass(frozen=True, eq=False)
 class SplinePath:
-    """A smooth path near a polyline, driven no faster than speed and turning allow.
+    """A smooth path near a polyline, within limits of speed, yaw rate and acceleration.
 
     A cubic smoothing spline [Dierckx1975] through the polyline, sampled evenly; along
     it the speed is the greatest that keeps ``speed``, ``turn_rate`` and
@@ -129,7 +129,7 @@ class SplinePath:
         speed: Greatest v_r, m/s.
         turn_rate: Greatest |ω_r|, rad/s.
         acceleration: Greatest |dv_r/dt|, m/s².
-        smoothing: Standard distance from the polyline that smoothing may cost, m.
+        smoothing: Allowed standard distance of the spline from the polyline, m.
         begin: Speed at its start, m/s, as far as the limits allow.
 
     Raises:
@@ -145,12 +145,11 @@ class SplinePath:
     begin: Annotated[float, "mps", NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
-        check(self, "a path wants")
+        check(self, "a path needs")
         position, slope, bend = self._curve(_evenly(self.points, SPACING))
         tangent = np.hypot(*slope)
         curvature = (slope[0] * bend[1] - slope[1] * bend[0]) / tangent**3
-        # Speed is what the bend allows, then cut forwards and backwards by v² = v_0² +
-        # 2 a s.
+        # The curvature's speed limit, cut forwards and backwards by v² = v_0² + 2 a s.
         step = np.hypot(*np.diff(position, axis=1))
         v = np.minimum(self.speed, self.turn_rate / np.maximum(abs(curvature), TINY))
         v = self._within_acceleration(v, step)
@@ -165,7 +164,7 @@ class SplinePath:
         from scipy.interpolate import splev, splprep
 
         fixed, fine = {}, 50
-        if len(points) > MANY:
+        if len(points) > MANY_POINTS:
             inner = np.linspace(0.0, 1.0, len(points) // KNOT)[1:-1]
             knots = np.concatenate([[0.0] * 4, inner, [1.0] * 4])
             fixed, fine = {"task": -1, "t": knots}, 10
@@ -178,7 +177,7 @@ class SplinePath:
         return position, slope, bend
 
     def _within_acceleration(self, speeds: Array, steps: Array) -> Array:
-        """Return the speeds lowered to what accelerating and coming to rest allow."""
+        """Return the speeds (m/s) cut to the acceleration limit and rest at the end."""
         v, gain = speeds.tolist(), (2.0 * self.acceleration * steps).tolist()
         v[0], v[-1] = min(v[0], self.begin), 0.0
         for i in range(1, len(v)):
@@ -193,7 +192,7 @@ class SplinePath:
         return float(self._times[-1])  # type: ignore[attr-defined]
 
     def sample(self, times: Array) -> Array:
-        """Return the reference, linear between the points of the fine table."""
+        """Return the reference, interpolated linearly in a fine table."""
         known, table = self._times, self._table  # type: ignore[attr-defined]
         reference = np.column_stack(
             [np.interp(times, known, column) for column in table.T]
@@ -203,7 +202,7 @@ class SplinePath:
 
 
 def _evenly(points: Array, spacing: float) -> Array:
-    """Return points (n, 2) about every ``spacing`` along a polyline, ends included."""
+    """Return points (n, 2) on a polyline about every ``spacing`` m, ends included."""
     corners = np.array(points, dtype=np.float64)
     if corners.ndim != 2 or corners.shape[1] != 2 or not np.isfinite(corners).all():
         raise InvalidInputError("way-points must be finite, of shape (n, 2)")
@@ -211,7 +210,7 @@ def _evenly(points: Array, spacing: float) -> Array:
         steps = np.hypot(*np.diff(corners, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     if len(corners) < 2 or along[-1] < DISTINCT:
-        raise InvalidInputError("a path wants two distinct way-points")
+        raise InvalidInputError("a path needs two distinct way-points")
     if along[-1] > LONGEST:
         raise InvalidInputError(f"a path is at most {1e-3 * LONGEST:g} km long")
     places = np.linspace(0.0, along[-1], max(8, round(along[-1] / spacing)) + 1)

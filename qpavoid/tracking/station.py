@@ -1,12 +1,12 @@
-"""Station keeping: a law that corrects a lateral error at rest, where Eq. 6 cannot.
+"""Station keeping: a law that corrects a lateral error at rest; Eq. 6 cannot.
 
 In polar coordinates of the goal, ρ its distance, α its bearing from the robot's heading
 and θ the bearing of the line of sight from the goal's heading, the law of [Aicardi1995]
 
     v = k_ρ ρ cos α,   ω = k_α α + k_ρ cos α (sin α / α)(α + k_θ θ)
 
-brings all three to zero. Driven backwards, α and θ are measured from behind. The twist
-is cut to the limits along its own curvature, so that the way stays the same.
+brings all three to zero. Driving backwards, α and θ are measured from the rear. The
+twist is scaled into the limits, which keeps its curvature and the path.
 """
 
 import math
@@ -24,11 +24,11 @@ from qpavoid.types import Array, LimitVector, Pose, Sizes, Twist, Vector
 
 RESTING, FORWARDS, BACKWARDS = 0, 1, -1
 
-AHEAD = 1e-6
-"""rad; a goal at such a bearing is straight ahead: sin α/α is 1 but for 2e-13."""
+STRAIGHT_AHEAD = 1e-6
+"""rad; bearing below which sin α/α is 1, but for 2e-13."""
 
 RELUCTANCE = 1.0
-"""rad of |α| + |θ| by which the other direction must be better to change over to it."""
+"""rad of |α| + |θ|; hysteresis of the driving direction."""
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,11 @@ class StationKeeping:
         k_rho: Gain of the distance, 1/s.
         k_alpha: Gain of the bearing of the goal, 1/s.
         k_theta: Gain of the heading that is still to be turned.
-        rest: m; nearer than this the robot only turns, which keeps its position.
-        wake: m; farther than this it drives again; more than ``rest``, or it would
-            chatter.
-        blend_speed: m/s; from this reference speed down to rest Eq. 6 gives way to it.
+        rest: m; distance below which the robot only turns, which keeps its position.
+        wake: m; distance above which it drives again; more than ``rest`` as
+            hysteresis.
+        blend_speed: m/s; from this reference speed down to rest Eq. 6 is blended into
+            this law.
 
     Raises:
         InvalidInputError: Not positive, or wake is not more than rest.
@@ -56,8 +57,8 @@ class StationKeeping:
     blend_speed: Annotated[float, "mps", POSITIVE] = 0.05
 
     def __post_init__(self) -> None:
-        check(self, "station keeping wants")
-        want(self.rest < self.wake, "station keeping wants rest < wake")
+        check(self, "station keeping needs")
+        want(self.rest < self.wake, "station keeping needs rest < wake")
 
 
 class TrackingLaw(NamedTuple):
@@ -80,7 +81,7 @@ class TrackingLaw(NamedTuple):
 
 @compiled
 def law_of(law: Array) -> TrackingLaw:
-    """Return the law that :attr:`StationTracker.array` holds."""
+    """Return :attr:`StationTracker.array` as a record."""
     moving, resting = (law[0], law[1], law[2]), (law[3], law[4], law[5])
     return TrackingLaw(moving, resting, law[6], law[7], law[8])
 
@@ -93,14 +94,14 @@ def station_command(
     reverse: bool,
     mode: int,
 ) -> tuple[float, float, int]:
-    """Return (v, ω) towards a pose, unlimited, and the mode to go on with.
+    """Return (v, ω) towards a pose, without limits, and the next mode.
 
     Args:
         error: Goal in the robot frame, m, m, rad.
         gains: k_ρ (1/s), k_α (1/s), k_θ (1).
-        near: Distance, m, at which only the heading is still corrected.
-        reverse: Whether the robot can back up.
-        mode: RESTING, FORWARDS or BACKWARDS: what was done last.
+        near: Distance, m, below which only the heading is corrected.
+        reverse: Whether the robot can drive backwards.
+        mode: Last mode: RESTING, FORWARDS or BACKWARDS.
     """
     (e_x, e_y, e_gamma), (k_rho, k_alpha, k_theta) = error, gains
     rho = math.sqrt(e_x * e_x + e_y * e_y)
@@ -108,7 +109,7 @@ def station_command(
         return 0.0, k_alpha * e_gamma, RESTING
     alpha = math.atan2(e_y, e_x)
     theta = wrap_angle(alpha - e_gamma)
-    # Seen from behind, the bearings are those of a robot that faces the other way.
+    # From the rear, the bearings are those of a robot that faces the other way.
     alpha_back, theta_back = wrap_angle(alpha + math.pi), wrap_angle(theta + math.pi)
     better_back = abs(alpha) + abs(theta) - abs(alpha_back) - abs(theta_back)
     if not reverse:
@@ -120,8 +121,8 @@ def station_command(
         mode = -mode
     if mode == BACKWARDS:
         alpha, theta = alpha_back, theta_back
-    sinc = math.sin(alpha) / alpha if abs(alpha) > AHEAD else 1.0
-    # Who cannot back up turns on the spot towards what lies behind him.
+    sinc = math.sin(alpha) / alpha if abs(alpha) > STRAIGHT_AHEAD else 1.0
+    # Without reverse the robot turns on the spot towards a goal behind it.
     cos = math.cos(alpha) if reverse else max(math.cos(alpha), 0.0)
     omega = k_alpha * alpha + k_rho * cos * sinc * (alpha + k_theta * theta)
     return mode * k_rho * rho * cos, omega, mode
@@ -129,7 +130,7 @@ def station_command(
 
 @compiled
 def within_limits(v: float, omega: float, limits: RobotLimits) -> Twist:
-    """Return the twist scaled into the limits; its curvature stays."""
+    """Return the twist scaled into the limits; its curvature is kept."""
     scale = 1.0
     bound = limits.v_max if v > 0.0 else -limits.v_min
     if abs(v) > bound:
@@ -149,17 +150,17 @@ def track_step(
     reference: Reference,
     mode: int,
 ) -> tuple[float, float, int]:
-    """Return the desired (v, ω) of one control step, and the mode to go on with.
+    """Return the desired (v, ω) of one control step, and the next mode.
 
-    Eq. 6 while the reference moves; from ``blend_speed`` down to rest it gives way to
-    the station law.
+    Eq. 6 while the reference moves; from ``blend_speed`` down to rest it is blended
+    into the station law.
 
     Args:
-        law: As ``StationTracker.array`` gives it; with ``blend_speed`` 0 Eq. 6 alone.
-        robot: :attr:`qpavoid.model.robot.Robot.limit_vector`, or its record.
+        law: :attr:`StationTracker.array`; with ``blend_speed`` 0 Eq. 6 alone.
+        robot: :attr:`qpavoid.model.robot.Robot.limit_vector`.
         pose: World frame.
-        reference: Where it is to be.
-        mode: What was done last: RESTING, FORWARDS or BACKWARDS.
+        reference: World frame.
+        mode: Last mode: RESTING, FORWARDS or BACKWARDS.
     """
     limits, record = limits_of(robot), law_of(law)
     x_r, y_r, heading_r, v_r, omega_r = reference
@@ -167,7 +168,7 @@ def track_step(
     moving_v, moving_omega = kanayama(error, (v_r, omega_r), record.moving)
     if abs(v_r) >= record.blend_speed:
         return moving_v, moving_omega, RESTING
-    # Two distances: at rest it stays until `wake`, driving it goes on until `rest`.
+    # Hysteresis: resting until `wake`, driving until `rest`.
     near, reverse = record.wake if mode == RESTING else record.rest, limits.v_min < 0.0
     v, omega, mode = station_command(error, record.resting, near, reverse, mode)
     v, omega = within_limits(v, omega, limits)
@@ -179,7 +180,7 @@ def track_step(
 
 @dataclass(frozen=True)
 class StationTracker:
-    """Eq. 6 while the reference moves, the station law where it rests.
+    """Eq. 6 while the reference moves, the station law at rest.
 
     Attributes:
         gains: Of Eq. 6.
@@ -197,7 +198,7 @@ class StationTracker:
         return np.array([*astuple(self.gains), *astuple(self.station)])
 
     def start(self) -> Track:
-        """Return the tracking law of a new run; it remembers its direction."""
+        """Return the tracking law of a new run; its state is the driving direction."""
         law, mode = self.array, RESTING
         limits = np.array([*self.limits.numbers, 0.0])  # no circumradius is needed
 

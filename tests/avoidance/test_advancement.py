@@ -1,6 +1,7 @@
 """Conservative advancement: no violation is missed, and the work is bounded."""
 
 import math
+import os
 import subprocess
 import sys
 
@@ -9,7 +10,6 @@ import pytest
 from hypothesis import assume, given
 
 from driven import driven_to, gap_at, least_of
-from places import SUPPORT
 from qpavoid.avoidance import advancement
 from qpavoid.avoidance import body_table as table
 from qpavoid.avoidance.advancement import LOOKS, REFINEMENTS, STEP, least_room, too_near
@@ -307,15 +307,64 @@ def test_a_plan_that_is_not_decided_counts_as_too_near(monkeypatch):
     assert too_near.py_func(*known)[0]
 
 
-@pytest.mark.parametrize("drawn", [1, pytest.param(24, marks=pytest.mark.slow)])
-def test_a_call_of_the_filter_asks_for_few_distances(drawn):
-    """Counted, not timed, in all that was slow or endless once and in a search."""
-    script = SUPPORT / "distances.py"
-    told = subprocess.run(
-        [sys.executable, script, str(drawn)], capture_output=True, text=True, check=True
-    ).stdout.splitlines()
-    cases = [line.split("; ") for line in told]
-    assert len(cases) == 6 + drawn
-    for name, distances, plans in cases:
-        assert int(distances) < 8000 and int(plans) < 1400, name
-    assert max(int(plans) for _, _, plans in cases) > 100
+COUNTED = """
+import math
+import numpy as np
+from qpavoid import AvoidanceSettings, Footprint, Limits, Robot, SafetyFilter
+from qpavoid.avoidance import advancement, judge, linearisation, lookahead, plans, step
+
+made, planned, bodies = [0], [0], [0]
+contact, roll_out = advancement.line_contact, judge.roll_out
+reach = step.bodies_in_reach
+record = AvoidanceSettings.record
+AvoidanceSettings.record = lambda self: record(self).view(np.recarray)
+
+def counted(*given):
+    made[0] += 1
+    return contact(*given)
+
+def rolled(*given):
+    planned[0] += 1
+    return roll_out(*given)
+
+def reached(*given):
+    bodies[0] = reach(*given)
+    return bodies[0]
+
+advancement.line_contact = linearisation.line_contact = counted
+judge.roll_out = lookahead.roll_out = plans.roll_out = rolled
+step.bodies_in_reach = reached
+slow = Limits(-1.0, 1.0, -1.5, 1.5, 0.5, 0.02)
+quick = Limits(-1.0, 1.0, -1.5, 1.5, 2.0, 2.5)
+endless = Limits(-math.inf, math.inf, -math.inf, math.inf)
+angle = np.linspace(0.0, 2.0 * math.pi, 60, endpoint=False)
+ring = np.column_stack([np.cos(angle), np.sin(angle)])
+ahead = {"discs": [[1.1, 0.0, 0.3]], "disc_velocities": [[0.5, 0.0]]}
+fast = {"discs": [[1.5, 0.0, 0.2]], "disc_velocities": [[-3e7, 0.0]]}
+walls = {"walls": [[-3.0, y, 3.0, y] for y in (0.4205, -0.4205)]}
+for limits, passive, given, wish in (
+    (slow, False, {"points": 0.72 * ring}, (0.3, 1.5)),
+    (quick, False, {"driven": (0.0, 1e4)}, (1.0, 0.0)),
+    (endless, False, {}, (1.0, 1e7)),
+    (quick, True, {"points": 0.8 * ring[::8], **fast}, (1.0, 0.0)),
+    (quick, False, ahead, (0.5, 0.0)),
+    (quick, False, walls, (1.0, 0.0)),
+):
+    robot = Robot("any", Footprint.rectangle(0.9, 0.5), limits)
+    safety = SafetyFilter(robot, AvoidanceSettings(dt=0.05, passive=passive))
+    for _ in range(6):
+        made[0] = planned[0] = bodies[0] = 0
+        safety.filter(*wish, **given)
+        print(made[0] / max(bodies[0], 1), planned[0])
+"""
+
+
+def test_a_call_of_the_filter_asks_for_few_distances():
+    """Counted in plain Python, not timed, in all that was slow or endless once."""
+    plain = os.environ | {"NUMBA_DISABLE_JIT": "1", "QPAVOID_NATIVE": "0"}
+    command = [sys.executable, "-c", COUNTED]
+    done = subprocess.run(command, env=plain, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    counts = np.array([line.split() for line in done.stdout.splitlines()], float)
+    assert len(counts) == 36
+    assert (counts.max(axis=0) < (8000, 1400)).all() and counts[:, 1].max() > 50

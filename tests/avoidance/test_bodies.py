@@ -9,7 +9,6 @@ from hypothesis import given
 
 from driven import gap_at, least_of, lines_of
 from qpavoid.avoidance import body_table as table
-from qpavoid.avoidance import settings as sets
 from qpavoid.avoidance import state as memory
 from qpavoid.avoidance.barrier_rows import R_MIN_TOLERANCE
 from qpavoid.model.obstacles import Obstacles
@@ -138,42 +137,6 @@ def test_no_more_is_wanted_of_what_stands_than_there_is():
             )
             met += gap < 0.169
     assert met > 100
-
-
-def test_margins_and_age_widen_the_bodies():
-    world = Obstacles(discs=[[2.0, 1.0, 0.3]], disc_velocities=[[-0.3, 0.0]])
-
-    def wanted(age=0.0, closing=0.0, v=0.0, **margins):
-        radius = sets.SafetyRadius(closing_gain=closing)
-        settings = sets.AvoidanceSettings(radius, margins=sets.Margins(**margins))
-        return rows(scene_of(ROBOT, world, (v, 0.7), settings, age))[0].keep
-
-    assert wanted() == pytest.approx(0.3 + 0.2)
-    assert wanted(age=0.4) == pytest.approx(0.5 + 0.4 * 0.3)
-    assert wanted(error=0.05) == pytest.approx(0.55)
-    accelerating = 0.4 * (0.3 + 0.4 * 0.5) + 0.5 * 0.5 * 0.02**2
-    assert wanted(age=0.4, acceleration=0.5) == pytest.approx(0.5 + accelerating)
-    towards = 2.0 / math.hypot(2.0, 1.0)
-    assert wanted(closing=0.5) == pytest.approx(0.5 + 0.15 * towards)
-    assert wanted(closing=0.5, v=0.4) == pytest.approx(0.5 + 0.35 * towards)
-    assert wanted(closing=0.5, v=-0.4) == pytest.approx(0.5)
-
-
-def test_points_are_kept_farther_from_where_they_close_in():
-    """κ times the speed towards them, and the age of what may have moved since."""
-
-    def wanted(age=0.0, v=0.0, closing=0.5, **margins):
-        radius = sets.SafetyRadius(closing_gain=closing)
-        settings = sets.AvoidanceSettings(radius, margins=sets.Margins(**margins))
-        world = Obstacles(points=[[2.0, 1.0]])
-        return rows(scene_of(ROBOT, world, (v, 0.0), settings, age))[0].keep
-
-    towards = 2.0 / math.hypot(2.0, 1.0)
-    assert wanted(v=0.4) == pytest.approx(0.17 + 0.2 * towards)
-    assert wanted(v=-0.4) == wanted(v=0.4, closing=0.0) == pytest.approx(0.17)
-    older = 0.4**2 * 0.5 + 0.5 * 0.5 * 0.02**2
-    assert wanted(age=0.4, acceleration=0.5) == pytest.approx(0.17 + older)
-    assert wanted(age=0.4) == pytest.approx(0.17)
 
 
 def test_the_twists_given_last_are_remembered_newest_first():

@@ -1,6 +1,5 @@
 """Filters side by side in threads, processes and tasks; copies; pickles."""
 
-import asyncio
 import copy
 import math
 import multiprocessing
@@ -15,7 +14,6 @@ import pytest
 
 from qpavoid import AvoidanceSettings, Robot, SafetyFilter
 from qpavoid.avoidance.freshness import Freshness
-from qpavoid.errors import ThreadError
 
 STEPS = 60
 
@@ -69,28 +67,6 @@ def test_a_filter_handed_to_a_process_goes_on_there(method, tmp_path):
     script = tmp_path / "handed.py"
     script.write_text(HANDED.format(path=str(Path(__file__).parent), method=method))
     subprocess.run([sys.executable, script], check=True, timeout=300)
-
-
-def test_tasks_of_one_loop_share_a_thread():
-    async def drive(seed):
-        safety, found = SafetyFilter(Robot.mir100()), []
-        rng = np.random.default_rng(seed)
-        for _ in range(STEPS):
-            found.append(safety.filter(*rng.uniform(-1.0, 1.0, 2), [[1.2, 0.0]])[:4])
-            await asyncio.sleep(0.0)
-        return found
-
-    async def all_of_them():
-        return await asyncio.gather(*(drive(seed) for seed in range(4)))
-
-    assert asyncio.run(all_of_them()) == [asyncio.run(drive(k)) for k in range(4)]
-
-
-def test_a_task_in_another_thread_is_refused():
-    safety = SafetyFilter(Robot.mir100())
-    safety.filter(0.5, 0.0, [])
-    with pytest.raises(ThreadError):
-        asyncio.run(asyncio.to_thread(safety.filter, 0.5, 0.0, []))
 
 
 @pytest.mark.parametrize("solver", ["exact", "osqp", "casadi", "qpsolvers:daqp"])

@@ -78,15 +78,6 @@ def test_age_widens_points_also_where_they_bar_a_stop(ahead, seed):
     assert one.status is other.status
 
 
-def test_what_is_old_is_braked_from_where_what_is_new_is_not():
-    """0.8 m/s is 0.33 m of braking: they fit before what was just seen, by 2 cm."""
-    margins, reach = Margins(0.0, 1.0), ROBOT.footprint.vertices[:, 0].max()
-    point = [[reach + 0.17 + 0.35, 0.0]]
-    new = driving(False, margins).filter(0.8, 0.0, point)
-    old = driving(False, margins).filter(0.8, 0.0, point, age=0.2)
-    assert new.v == pytest.approx(0.8) and old.v == pytest.approx(0.78)
-
-
 aged = given(seeds, st.floats(0.05, 30.0), st.floats(0.0, 2.0))
 """A scene, an age in s, and the margin of the acceleration in m/s²."""
 

@@ -227,13 +227,6 @@ def test_memory_that_another_wants_back_meanwhile_is_held():
     assert tried
 
 
-def test_fields_that_stand_for_nothing_are_those_of_python():
-    decision = answered(used(), 0.5, 0.1, NEAR)
-    assert decision[-2:] == (0.0, "") and decision.lateral == 0.0
-    assert decision._fields[-2:] == ("lateral", "problem")
-    assert decision == Decision(*decision) and hash(decision) == hash(tuple(decision))
-
-
 class Odd(Decision):
     """Whose hash is not that of its tuple, as if one were set up otherwise."""
 
@@ -255,19 +248,6 @@ def test_where_memory_alone_makes_no_tuple_the_class_is_called(monkeypatch):
     del others
     gc.collect()
     assert abs(sys.getrefcount(None) - before) < 50
-
-
-def test_whoever_looks_at_all_objects_sees_whole_ones():
-    """Tuples of the call were half filled, and the call failed while one was held."""
-    safety, points = SafetyFilter(Robot.mir100()), np.array([[1.5, 0.2], [2.0, -1.0]])
-    safety.filter(0.4, 0.1, points.tolist())
-    for thing in gc.get_objects():
-        if type(thing) is tuple:
-            assert sum(1 for _ in thing) == len(thing)
-    first = safety.filter(0.4, 0.1, points)
-    held = gc.get_objects()
-    assert safety.filter(0.4, 0.1, points)[:7] == first[:7]
-    assert held
 
 
 def test_who_looks_while_a_decision_is_made_sees_whole_ones():

@@ -29,10 +29,8 @@ from rollouts import (
     steps_of,
     turns,
 )
-from shapes import ROBOT
 
 DT, NOTHING = SETTINGS.dt, Obstacles()
-NOBODY = (0.0, 0.0)
 
 
 def close(one, other, within):
@@ -81,13 +79,6 @@ def test_the_places_of_a_plan_are_those_of_the_steps(robot, seed):
     count = min(len(places) - 1, len(trace))
     np.testing.assert_allclose(places[:count], trace[:count, :2], atol=1e-7)
     np.testing.assert_allclose(places[-1], trace[-1, :2], atol=1e-7)
-
-
-@given(speeds, turns)
-def test_without_accelerations_a_plan_is_an_arc(v, omega):
-    rollout = rolled(scene_of(ROBOT, NOTHING), hold(v, omega, 3.0), NOBODY, 0.0, 1)
-    for time in np.linspace(0.0, 3.0 - DT, 30):
-        close(frame_of(rollout, time), driven_to((0, 0, 0), v, omega, time), 1e-9)
 
 
 @every_robot

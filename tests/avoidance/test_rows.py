@@ -144,17 +144,6 @@ def test_one_row_by_hand():
     assert_array_equal(problem.obstacle, [0])
 
 
-def test_a_repulsion_row_by_hand(robot):
-    settings = AvoidanceSettings(bound="repulsion", repulsion=Repulsion(0.8))
-    r_min, r = 0.17, 0.17 * 4 / 3
-    place = [0.3, 0.29 + 0.75 * r_min + 0.25 * r]
-    safety = SafetyFilter(robot, settings, ahead=False)
-    problem = safety.problem(0.5, 0.0, points=[place])
-    assert_allclose(problem.A, [[0.0, -0.3]], atol=1e-12)
-    assert_allclose(problem.b, [0.75 * 0.8], atol=1e-12)
-    assert len(safety.problem(0.5, 0.0, points=[[0.3, 0.29 + r + 1e-9]]).b) == 0
-
-
 def test_a_short_reach_leaves_out_what_lies_beyond(robot):
     near, far = [0.80, 0.0], [0.95, 0.0]
     for reach, kept in ((0.05, 0), (0.2, 1), (0.3, 2), (math.inf, 2)):
@@ -162,26 +151,3 @@ def test_a_short_reach_leaves_out_what_lies_beyond(robot):
         assert len(safety.problem(1.0, 0.0, points=[near, far]).b) == kept
         decision = safety.filter(1.0, 0.0, points=[near, far])
         assert decision.clearance == pytest.approx(0.112, abs=1e-3)
-
-
-def test_rows_of_a_parallel_wall_hold_both_corners(robot):
-    problem = SafetyFilter(robot, ahead=False).problem(
-        0.5, 0.0, walls=[[-2, 0.47, 2, 0.47]]
-    )
-    levers = problem.A[:, 1].tolist()
-    for corner in (-0.445, 0.445):
-        assert min(abs(lever - corner) for lever in levers) < 1e-12
-    assert set(problem.obstacle) == {0}
-
-
-def test_the_rows_keep_the_barrier_in_closed_loop(robot):
-    """A fast point aimed at the nose, then a wall: distance ≥ r_min − γ dt-errors."""
-    settings, dt = AvoidanceSettings(dt=0.002), 0.002
-    safety = SafetyFilter(robot, settings, ahead=False)
-    distance, x = math.inf, 0.0
-    for _ in range(3000):
-        decision = safety.filter(1.0, 0.0, points=[[2.0 - x, 0.0]])
-        x += decision.v * dt
-        distance = min(distance, decision.clearance)
-    assert distance == pytest.approx(0.17, abs=2e-3)
-    assert decision.v == pytest.approx(0.0, abs=1e-3)

@@ -1,10 +1,8 @@
 """Safety radius, activation, and settings that are refused."""
 
-import dataclasses
 import math
 from fractions import Fraction
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -44,42 +42,9 @@ def test_safety_radius_of_the_paper(speed, r_min):
     assert radius.r(speed) == pytest.approx(4 * r_min / 3)
 
 
-@given(st.floats(0, 1), st.floats(0, 1))
-def test_safety_radius_is_monotone_and_continuous(one, other):
-    radius = SafetyRadius()
-    slow, fast = sorted((one, other))
-    gain = radius.r_min(fast) - radius.r_min(slow)
-    assert -1e-15 <= gain <= 0.15 * (fast - slow) + 1e-15
-
-
 def test_safety_radius_may_jump():
     radius = SafetyRadius(speed_low=0.2, speed_high=0.2)
     assert (radius.r_min(0.2), radius.r_min(0.2001)) == (0.17, 0.23)
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"r_min_slow": -0.1},
-        {"r_min_slow": 0.3},
-        {"r_min_fast": 0.1},
-        {"speed_low": -0.1},
-        {"speed_low": 0.6},
-        {"zone_ratio": 0.99},
-        {"closing_gain": -0.1},
-        {"closing_gain": math.nan},
-        {"closing_gain": math.inf},
-        *(
-            {name: math.nan}
-            for name in ("r_min_slow", "r_min_fast", "speed_low", "zone_ratio")
-        ),
-        *({name: math.inf} for name in ("r_min_fast", "speed_high", "zone_ratio")),
-    ],
-    ids=str,
-)
-def test_radii_that_make_no_sense(wrong):
-    with pytest.raises(InvalidInputError):
-        SafetyRadius(**wrong)
 
 
 # ------------------------------------------------------------------- activation
@@ -107,17 +72,6 @@ def test_shapes_between_r_min_and_r():
         assert activation(2, distance, 0.17, 0.23) == pytest.approx(smooth)
 
 
-def test_linear_and_smooth_are_continuous_and_smooth_has_no_kink():
-    d = np.linspace(0.15, 0.25, 100_001)
-    step = d[1] - d[0]
-    for kind, steepest in ((1, 1 / 0.06), (2, 1.5 / 0.06)):
-        shares = np.array([activation(kind, x, 0.17, 0.23) for x in d])
-        assert np.abs(np.diff(shares)).max() <= 1.01 * steepest * step
-        if kind == 2:
-            slopes = np.diff(shares) / step
-            assert np.abs(np.diff(slopes)).max() <= 1.01 * step * 6 / 0.06**2
-
-
 @kinds
 def test_a_zone_of_no_width_is_a_switch(kind):
     below, above = math.nextafter(0.2, 0), math.nextafter(0.2, 1)
@@ -128,88 +82,28 @@ def test_a_zone_of_no_width_is_a_switch(kind):
 
 # ---------------------------------------------------------------------- settings
 @pytest.mark.parametrize(
-    "wrong",
+    ("kind", "wrong"),
     [
-        {"activation": "Linear"},
-        {"activation": ""},
-        {"speed": -1.0},
-        {"speed": math.nan},
-        {"speed": math.inf},
-        {"damping": -0.1},
-        {"damping": math.nan},
+        (SafetyRadius, {"r_min_slow": 0.3}),
+        (SafetyRadius, {"r_min_fast": 0.1}),
+        (SafetyRadius, {"speed_low": 0.6}),
+        (LookAhead, {"horizon": 0.5, "horizon_still": 0.6}),
+        (LookAhead, {"horizon": 0.04, "horizon_still": 0.0}),
+        (LookAhead, {"horizon": 100.0}),
+        (AvoidanceSettings, {"weights": (1.0,)}),
+        (AvoidanceSettings, {"dt": Fraction(1, 50)}),
+        (AvoidanceSettings, {"dt": 1e-6}),
+        (AvoidanceSettings, {"ahead": LookAhead(horizon=3e4, tick=30.0)}),
+        (AvoidanceSettings, {"actuation": Actuation(delay=0.17)}),
+        (AvoidanceSettings, {"passive": True, "braking_room": False}),
+        (AvoidanceSettings, {"margins": 0.02}),
+        (AvoidanceSettings, {"ahead": None}),
     ],
     ids=str,
 )
-def test_repulsion_that_makes_no_sense(wrong):
-    with pytest.raises(InvalidInputError):
-        Repulsion(**wrong)
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"bound": "wall"},
-        {"weights": (1.0,)},
-        {"weights": (1.0, 0.0)},
-        {"weights": (-1.0, 1.0)},
-        {"weights": (1.0, math.inf)},
-        {"weights": (math.nan, 1.0)},
-        {"gamma": 0.0},
-        {"gamma": math.nan},
-        {"gamma": math.inf},
-        {"reach": 0.0},
-        {"reach": -1.0},
-        {"reach": math.nan},
-        {"slack_tolerance": 0.0},
-        {"slack_tolerance": -1e-3},
-        {"slack_tolerance": math.inf},
-        {"dt": 0.0},
-        {"dt": -0.02},
-        {"dt": math.nan},
-        {"dt": math.inf},
-        {"gamma": 5.0, "dt": 0.21},
-        {"gamma": 60.0},
-        *({"dt": wrong} for wrong in ("0.1", None, 10**400, Fraction(1, 50))),
-        {"dt": 1e-6},
-        {"ahead": LookAhead(horizon=3e4, tick=30.0)},
-        {"weights": 1.0},
-        *({"braking_room": wrong} for wrong in (math.nan, 1e300, None, "x")),
-        {"reach": 10**400},
-        {"margins": 0.02},
-        {"ahead": None},
-    ],
-    ids=str,
-)
-def test_settings_that_make_no_sense(wrong):
-    with pytest.raises(InvalidInputError):
-        AvoidanceSettings(**wrong)
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        *({name: -1.0} for name in ("horizon", "horizon_still", "tick", "review")),
-        *({name: math.nan} for name in ("horizon", "horizon_still", "tick", "review")),
-        *({name: math.inf} for name in ("horizon", "horizon_still", "tick", "review")),
-        *({"hysteresis": share} for share in (-0.1, 1.0, 3.0, math.nan)),
-        {"horizon": 0.0},
-        {"tick": 0.0},
-        {"horizon": 0.5, "horizon_still": 0.6},
-        {"horizon": 0.04, "horizon_still": 0.0},
-        {"horizon": 100.0},
-    ],
-    ids=str,
-)
-def test_look_ahead_that_makes_no_sense(wrong):
-    with pytest.raises(InvalidInputError, match="look-ahead wants"):
-        LookAhead(**wrong)
-
-
-@pytest.mark.parametrize("wrong", [-0.1, math.nan, math.inf])
-@pytest.mark.parametrize("name", ["error", "acceleration"])
-def test_margins_that_make_no_sense(name, wrong):
-    with pytest.raises(InvalidInputError, match=f"margins want {name}"):
-        Margins(**{name: wrong})
+def test_settings_that_do_not_fit_together(kind, wrong):
+    with pytest.raises(InvalidInputError, match=next(iter(wrong))[:6]):
+        kind(**wrong)
 
 
 def test_gamma_and_the_control_step_belong_together():
@@ -227,15 +121,6 @@ def test_the_widening_covers_where_an_obstacle_can_have_come(speed, age, error, 
     assert wider >= error + way + strayed - 1e-12
     assert wider <= error + way + strayed + 0.5 * a * age * age + 1e-12
     assert widening(speed, 0.0, error, 0.0, 0.1) == error
-
-
-def test_settings_are_frozen_values():
-    settings = AvoidanceSettings()
-    assert settings == AvoidanceSettings()
-    assert hash(settings) == hash(AvoidanceSettings())
-    for part, name in ((settings, "gamma"), (settings.radius, "r_min_slow")):
-        with pytest.raises(dataclasses.FrozenInstanceError):
-            setattr(part, name, 3.0)
 
 
 def test_the_record_carries_every_setting():

@@ -1,7 +1,6 @@
 """A robot that sees nothing more stops among what stood when it saw last."""
 
 import math
-from copy import deepcopy
 
 import numpy as np
 import pytest
@@ -139,14 +138,3 @@ def test_a_back_end_that_fails_is_not_asked_to_stop():
     safety._engine.use(gone)
     last, stopped = safety.step(1.0, 0.0, None), safety.step(1.0, 0.0, None)
     assert 0.0 <= stopped.v < last.v
-
-
-def test_a_copy_stops_as_well():
-    safety = filtering()
-    for _ in range(30):
-        safety.step(1.0, 0.2, POST)
-    other = deepcopy(safety)
-    assert other.step(1.0, 0.2, None)[:2] == safety.step(1.0, 0.2, None)[:2]
-    safety.reset(1.0, 0.2)
-    arc = braking_twist(LAZY.limit_vector, 1.0, 0.2, DT)
-    assert safety.step(1.0, 0.2, None)[:2] == pytest.approx(arc)

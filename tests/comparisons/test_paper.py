@@ -1,59 +1,132 @@
-"""`comparisons/paper/paper.py`: files, the page's table, and which statements hold."""
+"""The paper's statements and calibrations: their tests, tables and pages."""
 
+import csv
 import math
-import sys
+import re
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 import pytest
 
-import paper
-from places import ROOT
-from qpavoid.lab.simulation.run import run, run_fleet
+calibrations = pytest.importorskip("calibrations", reason="needs SciPy")
+
+import page
+import statements
+from calibrations import Calibration
+from measures import STRENGTHS, by_strength, circle_about, entered, left
+from places import COMPARISONS, ROOT
+from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
-from qpavoid.lab.study import compare
+from qpavoid.lab.study.compare import COLUMNS, cell
 from qpavoid.lab.study.metrics import metrics
-from statement_measures import STRENGTHS, by_strength, circle_about
-from statements import STATEMENTS
 
-PAGE = ROOT / "docs" / "test-cases.md"
+RESULTS = COMPARISONS / "results"
 SOURCE = ROOT.parent / "shared" / "paper" / "source.txt"
+PAGE = (ROOT / "docs" / "test-cases.md").read_text(encoding="utf-8")
+MORE = 1.0, 1.5, 0.05, "smooth"
+OURS = {
+    statements.TWO: Calibration(-0.032, 0.733, 0.063, -0.075, 0.0, *MORE),
+    statements.ONE: Calibration(2.0, 0.8, 0.0, 0.0, 0.15, *MORE),
+    statements.CENTRE: Calibration(0.05, 0.75, 0.0, -0.095, 0.0, *MORE),
+    statements.FLAT: Calibration(2.5, 0.1, 0.0, 0.0, 0.15, *MORE),
+}
 
 
-def test_figures_tables_and_statements(tmp_path, monkeypatch, undrawn):
-    """Without the QP of every step: two fifths of the time, and nothing shows it."""
-    monkeypatch.setattr(compare, "run_fleet", lambda *given, explain: run_fleet(*given))
-    studies = []
-    monkeypatch.setattr(paper, "run_study", lambda *given: studies.append(given) or [])
-    monkeypatch.setattr(
-        sys, "argv", ["paper.py", "--out", str(tmp_path), "--workers", "1"]
-    )
-    paper.main()
-    ((_, scenes, options),) = studies  # how one is run: tests/comparisons/test_studies
-    assert [scene.setting for scene in scenes] == [*paper.CASES]
-    assert options.methods == paper.METHODS and options.out == tmp_path
-    names = {path.name for path in tmp_path.glob("*.png")}
-    kinds = ("frames", "poses", "twists", "distance")
-    cases = "test_case_1", "test_case_2", "test_case_2_centre", "figure_2b"
-    cases += "figure_2a", "figure_2a_passing"
-    assert names == {f"paper-{case}-{kind}.png" for case in cases for kind in kinds}
-    written = (tmp_path / "tables.md").read_text()
-    table, _, statements = written.partition("\n| case ")
-    shown = PAGE.read_text().split("<!-- table -->\n")[1]
-    assert table == shown.split("<!-- end -->")[0]
-    rows = statements.split("| of calibrations |\n")[1].splitlines()[1:]
-    assert len(rows) == len(STATEMENTS) == 49
-    told = f"Of {len({said.words for said in STATEMENTS})} sentences of the paper"
-    assert told in PAGE.read_text() and f"which makes {len(rows)}" in PAGE.read_text()
-    refuted = [row.split("|")[4].strip() for row in rows if "**no**" in row]
-    assert "39 of the 49 come out" in PAGE.read_text() and len(refuted) == 10
-    returns = [f"both end within {cm} cm of it" for cm in (1, 2, 5, 10)]
-    assert refuted[3:7] == returns and refuted[0].startswith("by the least distance (")
-    assert refuted[1:3] == [
-        "the greatest size of Δω/dt is less with Eq. 7",
-        "v of both keeps its sign in the zone; how often it does not",
+def rows_of(name):
+    with (RESULTS / name).open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file, restval=""))
+
+
+def test_the_measured_values_are_those_of_the_committed_table():
+    found = calibrations.table_of(rows_of("calibrations/found.csv"))
+    told = [{k: str(x) for k, x in line.items()} for line in found]
+    assert told == rows_of("calibrations.csv") and len(told) == 49
+    assert len({line["statement"] for line in told}) == 43
+    assert sum(line["ours"] == "yes" for line in told) == 39
+    assert "39 of the 49" in " ".join(PAGE.split())
+
+
+@pytest.mark.skipif(not SOURCE.is_file(), reason="wants the paper's text beside")
+def test_the_papers_words_are_its_own():
+    text = SOURCE.read_text()
+    for statement in statements.STATEMENTS:
+        assert statement.words in text, statement.words
+
+
+@pytest.mark.parametrize("case", OURS)
+def test_ours_is_a_calibration(case):
+    log, same = run(load_scenario(case), "eq5"), OURS[case].scenario(case)
+    again = run(same, "eq5")
+    for name in ("x_m", "heading_rad", "v_mps", "clearance_m"):
+        assert log[name] == pytest.approx(again[name], abs=1e-9), name
+
+
+def test_the_times_of_ours_are_the_papers():
+    ours = OURS[statements.TWO]
+    assert calibrations.time_error(ours) <= calibrations.TOLERANCE
+    row = calibrations.row_of(ours)
+    assert row["eq5_final_error_m"] == pytest.approx(0.147, abs=5e-4)
+    assert row["holds"] == "'" + "110000111001111011"
+
+
+@pytest.mark.long
+def test_the_search_meets_the_times(monkeypatch):
+    monkeypatch.setattr(calibrations, "TOLERANCE", 1.5)
+    found = calibrations.search(np.random.default_rng(3))
+    for one in islice(found, 2):
+        assert np.hypot(one.v_x_mps, one.v_y_mps) <= 0.1 and 0.0 <= one.radius_m <= 0.3
+        assert 0.5 <= one.v_max_mps <= 1.5 and 1.0 <= one.omega_max_radps <= 3.0
+        logs = calibrations.runs_of(one, statements.TWO)
+        for law, exit_s in calibrations.EXITS.items():
+            assert entered(logs[f"eq{law}"]) == pytest.approx(2.9, abs=0.1)
+            assert left(logs[f"eq{law}"]) == pytest.approx(exit_s, abs=1.5)
+
+
+def test_other_cases_are_drawn_about_ours():
+    rng = np.random.default_rng(3)
+    for one in islice(calibrations.SEARCHES[statements.CENTRE](rng), 20):
+        way = np.array([one.v_x_mps, one.v_y_mps])
+        assert np.hypot(*way) == pytest.approx(0.1)
+        assert abs(one.x_m * way[1] - one.y_m * way[0]) / 0.1 <= 0.1
+    for one in islice(calibrations.SEARCHES[statements.TIP](rng), 20):
+        assert np.hypot(one.x_m - 2.5, one.y_m - 0.1) <= 0.15 and one.v_x_mps == 0.0
+
+
+def test_a_committed_calibration_has_the_same_statements_again():
+    found = rows_of("calibrations/found.csv")
+    row = [x for x in found if x["case"] == "test_case_2"][3]
+    numbers = [float(row[key]) for key in list(row)[1:9]]
+    again = calibrations.row_of(Calibration(*numbers, row["activation"]))
+    assert again["holds"] == row["holds"]
+
+
+def test_the_page_is_made_of_the_rows():
+    text = page.PAGE.read_text(encoding="utf-8")
+    tables = {"statements": page.statements, "cases": page.cases}
+    assert page.filled(text, tables) == text and len(text.splitlines()) <= 150
+    ends = [
+        1000.0 * float(x["eq5_final_error_m"])
+        for x in rows_of("calibrations/found.csv")
+        if x["case"] == "test_case_2"
     ]
-    assert [words[:7] for words in refuted[7:]] == ["quicker", "quicker", "while b"]
+    low, middle, high = np.quantile(ends, [0.0, 0.5, 1.0])
+    said = f"ends {low:.0f} to {high:.0f} mm from its station, {middle:.0f} mm in the"
+    assert said in text
+
+
+def test_the_table_of_the_test_cases():
+    table = PAGE.split("<!-- table -->\n")[1].split("<!-- end -->")[0]
+    heads, _, *lines = [
+        [x.strip() for x in line.strip("|").split("|")] for line in table.splitlines()
+    ]
+    keys = {COLUMNS[key]: key for key in COLUMNS}
+    assert len(lines) == 10
+    for name, *cells in lines:
+        scenario = load_scenario(name)
+        row = metrics(run(scenario, cells[0]))
+        for head, text in zip(heads[2:], cells[1:], strict=True):
+            assert re.sub(r"\s+", " ", cell(scenario, row, keys[head])) == text
 
 
 @pytest.mark.parametrize(
@@ -64,41 +137,11 @@ def test_figures_tables_and_statements(tmp_path, monkeypatch, undrawn):
         ("figure_2a", "qp-ahead+guide", "arrived", 4.99),
     ],
 )
-def test_what_the_qp_does_before_a_front_edge(case, method, outcome, x):
+def test_the_qp_before_a_front_edge(case, method, outcome, x):
     log = run(load_scenario(f"paper/{case}"), method)
-    told = metrics(log)
-    assert told["outcome"] == outcome and told["min_clearance_m"] > 0.168
+    found = metrics(log)
+    assert found["outcome"] == outcome and found["min_clearance_m"] > 0.168
     assert log.final[0] == pytest.approx(x, abs=0.01)
-
-
-@pytest.mark.skipif(not SOURCE.is_file(), reason="wants the paper's text beside")
-def test_the_papers_words_are_its_own():
-    text = SOURCE.read_text()
-    for statement in STATEMENTS:
-        assert statement.words in text, statement.words
-
-
-def test_a_method_that_raises_is_said_and_not_drawn(tmp_path, monkeypatch, capsys):
-    (tmp_path / "raises_p.py").write_text(
-        "def law(*given):\n    raise OSError('mine')\n"
-    )
-    monkeypatch.syspath_prepend(tmp_path)
-    drawn = []
-    monkeypatch.setattr(paper, "draw", lambda names, *given: drawn.append(names))
-    command = ["paper.py", "--methods", "eq5,raises_p:law", "--out", str(tmp_path)]
-    monkeypatch.setattr(sys, "argv", [*command, "--workers", "1"])
-    with pytest.raises(SystemExit) as ended:
-        paper.main()
-    assert ended.value.code == 1 and "2 of 4 runs failed" in capsys.readouterr().err
-    assert drawn == [["eq5"]]
-
-
-def test_a_wrong_controller_is_a_usage_error(monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", ["paper.py", "--methods", "x"])
-    with pytest.raises(SystemExit) as ended:
-        paper.main()
-    assert ended.value.code == 2
-    assert "unknown controller 'x'" in capsys.readouterr().err
 
 
 def test_the_circle_about_the_footprint_is_the_least():
@@ -113,7 +156,7 @@ def test_the_circle_about_the_footprint_is_the_least():
     assert times_area == pytest.approx(math.pi * around.min() ** 2 / area, rel=2e-3)
 
 
-def test_a_weaker_repulsion_than_is_shown_touches():
+def test_a_weaker_repulsion_touches():
     base = load_scenario("paper/test_case_1")
     assert base.settings.repulsion.speed in STRENGTHS
     weak = replace(base.settings.repulsion, speed=2.5)

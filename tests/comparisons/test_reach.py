@@ -1,7 +1,5 @@
-"""What others bring to the studies: lawful but odd data, and methods that break."""
+"""Data of others in the studies: lawful but odd worlds and maps, methods that fail."""
 
-import csv
-import importlib
 import math
 import sys
 
@@ -9,10 +7,10 @@ import numpy as np
 import pytest
 
 from qpavoid.errors import DataError
-from qpavoid.lab.simulation.world import AWAY, Track
+from qpavoid.lab.simulation.world import ABSENT, Track
 from qpavoid.lab.worlds import barn, map_server
 
-studies = pytest.importorskip("studies", reason="needs qpavoid[study]")
+pytest.importorskip("pyarrow", reason="needs qpavoid[study]")
 from qpavoid.lab.study.sweep.job import run_job
 from qpavoid.lab.study.sweep.sources import scenario_file
 from qpavoid.lab.study.sweep.study import Study, own_stamp
@@ -35,16 +33,6 @@ def world(folder, *models):
     return path
 
 
-def table_of(path):
-    with open(path, newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
-
-
-def script(monkeypatch, name, *arguments):
-    monkeypatch.setattr(sys, "argv", [f"{name}.py", *map(str, arguments)])
-    importlib.import_module(name).main()
-
-
 @pytest.fixture
 def own(tmp_path, monkeypatch):
     """Methods of one's own that break in every way."""
@@ -52,12 +40,6 @@ def own(tmp_path, monkeypatch):
         "def kind(v, omega, obstacles, context):\n    raise TypeError('no')\n"
         "def quits(v, omega, obstacles, context):\n    raise SystemExit(0)\n"
         "def fails(v, omega, obstacles, context):\n    assert False, 'never'\n"
-        "def nothing(v, omega, obstacles, context):\n    return float('nan'), 0.0\n"
-        "def moves(v, omega, obstacles, context):\n"
-        "    obstacles.points[:] = 50.0\n    return v, omega\n"
-        "class Picky:\n    def __init__(self, robot, settings):\n"
-        "        if settings.radius.r_min_slow > 0.05:\n            raise KeyError(1)\n"
-        "    def start(self, v, omega):\n        return lambda *given: given[:2]\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
     yield tmp_path
@@ -151,7 +133,7 @@ def test_who_is_away_is_far_from_everybody_wherever_that_is():
         places = np.array([[place, 0.0], [place + 1.0, 0.0]])
         track = Track(np.array([1.0, 2.0]), places, 0.2, fleeting=True)
         position, _ = track.at(3.0)
-        assert np.abs(position - places).max(axis=1).min() >= 0.5 * AWAY
+        assert np.abs(position - places).max(axis=1).min() >= 0.5 * ABSENT
     assert track.at(1.5)[0] == pytest.approx([5e6 + 0.5, 0.0])
 
 
@@ -240,130 +222,3 @@ def test_whatever_a_method_raises_is_a_failed_run(own, name, said):
     row, log = run_job(job)
     assert (row["outcome"], row["success"], log) == ("failed", False, None)
     assert row["error"].startswith(said)
-
-
-def laser_log(path, times, nearest=6.0):
-    far = " ".join(["6.0"] * 179)
-    lines = [
-        f"FLASER 180 {nearest} {far} {0.1 * k} 0 0 {0.1 * k} 0 0 {time} h {time}\n"
-        for k, time in enumerate(times)
-    ]
-    path.write_text("".join(lines))
-    return path
-
-
-def test_a_method_that_breaks_has_a_line_in_the_replay(own, monkeypatch, capsys):
-    log = laser_log(own / "my.log", 0.25 * np.arange(5))
-    names = "breaks_r:kind,breaks_r:quits,breaks_r:nothing,eq5"
-    options = "--log", log, "--methods", names, "--out", own / "out"
-    with pytest.raises(SystemExit) as ended:
-        script(monkeypatch, "scan_replay", *options)
-    assert ended.value.code == 1 and "9 of 12 runs failed" in capsys.readouterr().err
-    table = table_of(own / "out" / "table.csv")
-    assert [row["failed"] for row in table] == ["4"] * 9 + ["0"] * 3
-    assert {row["successes"] for row in table[:9]} == {""}
-    assert table[0]["error"] == "TypeError: no" and table[-1]["successes"] == "4"
-    assert "a finite twist" in table[6]["error"]
-
-
-def test_a_line_of_runs_that_all_failed_counts_nothing():
-    row = {"error": "gone", "contact": False, "success": False, "contacts_moving": 0}
-    row |= {"arrived_s": None, "start_clearance_m": None}
-    line = studies.table_row("mine", "", [row] * 2)
-    assert (line["runs"], line["failed"]) == (2, 2)
-    assert line["successes"] == line["contacts"] == line["timeouts"] == ""
-    won = {"error": "", "success": True, "arrived_s": 9.0}
-    line = studies.table_row("mine", "", [row, row | won])
-    assert (line["successes"], line["failed"]) == (1, 1)
-
-
-def test_a_method_that_breaks_at_some_radius_keeps_nobody_else(own, monkeypatch):
-    log = laser_log(own / "my.log", 0.25 * np.arange(5))
-    options = "--log", log, "--methods", "breaks_r:Picky,eq5", "--out", own / "out"
-    with pytest.raises(SystemExit, match="1"):
-        script(monkeypatch, "scan_replay", *options)
-    table = table_of(own / "out" / "table.csv")
-    assert [row["failed"] for row in table] == ["0", "4", "4", "0", "0", "0"]
-    assert (own / "out" / "report.html").exists()
-
-
-def test_what_a_method_changes_is_its_own(own, monkeypatch):
-    """The points of the log were shared by all: the rest saw nothing near."""
-    log = laser_log(own / "my.log", 0.25 * np.arange(5), nearest=0.35)
-    found = []
-    for methods in ("eq5", "breaks_r:moves,eq5"):
-        options = "--log", log, "--methods", methods, "--out", own / "out"
-        script(monkeypatch, "scan_replay", *options)
-        found.append([row["nearer"] for row in table_of(own / "out" / "table.csv")])
-    assert found[1][3:] == found[0] != ["0"] * 3
-
-
-def test_a_log_without_poses_is_replayed_along_its_odometry(tmp_path, monkeypatch):
-    log, beams = tmp_path / "raw.log", " ".join(["6.0"] * 181)
-    head = "RAWLASER1 0 -1.5708 3.14159 0.017453 8 0.01 0 181"
-    drive = [
-        f"ODOM {0.1 * k} 0 0 0.4 0 0 {0.25 * k} h 0\n"
-        f"{head} {beams} 0 {0.25 * k} h {0.25 * k}\n"
-        for k in range(5)
-    ]
-    log.write_text("".join(drive))
-    options = "--log", log, "--message", "RAWLASER1", "--methods", "qp"
-    script(monkeypatch, "scan_replay", *options, "--out", tmp_path / "out")
-    rows = table_of(tmp_path / "out" / "runs.csv")
-    assert {round(float(row["v_mps"]), 6) for row in rows} == {0.4}
-    assert [row["x_m"] for row in rows[:2]] == ["0.0", "0.1"]
-
-
-def test_a_wrong_method_is_said_before_the_replay(tmp_path, monkeypatch, capsys):
-    log = laser_log(tmp_path / "my.log", 0.25 * np.arange(5))
-    with pytest.raises(SystemExit) as ended:
-        script(monkeypatch, "scan_replay", "--log", log, "--methods", "qp,astar+qp")
-    assert ended.value.code == 2
-    assert not (tmp_path / "out").exists() and "qp=" not in capsys.readouterr().out
-
-
-def test_scans_out_of_order_are_told_and_a_range_of_0_is_no_echo(
-    tmp_path, monkeypatch, capsys
-):
-    times = [0.0, 0.25, 100.0, 0.5, 0.75, 1.0]
-    log = laser_log(tmp_path / "my.log", times, nearest=0.0)
-    options = "--log", log, "--dt", "0.25", "--methods", "eq5", "--out", tmp_path / "o"
-    script(monkeypatch, "scan_replay", *options)
-    assert "3 scans are not later than all before" in capsys.readouterr().out
-    assert [row["contacts"] for row in table_of(tmp_path / "o/table.csv")] == ["0"] * 3
-
-
-def test_rates_of_people_are_of_runs_that_did_not_fail(own, monkeypatch):
-    options = ["--phase", "val", "--count", "2", "--methods", "breaks_r:kind,alone"]
-    with pytest.raises(SystemExit, match="1"):
-        out = "--workers", "1", "--out", own / "o"
-        script(monkeypatch, "crowdnav", *options, *out)
-    broken, alone = table_of(own / "o" / "table.csv")
-    assert (broken["failed"], broken["collision"], broken["success"]) == ("2", "", "")
-    assert alone["failed"] == "0" and float(alone["collision_high"]) > 0.0
-
-
-@pytest.mark.long
-def test_an_encounter_that_breaks_makes_the_exit_status(own, monkeypatch, capsys):
-    options = "--count", "2", "--families", "corridor", "--methods", "breaks_r:kind"
-    with pytest.raises(SystemExit) as ended:
-        script(monkeypatch, "encounters", *options, "--out", own / "o")
-    assert ended.value.code == 1
-    assert "corridor, breaks_r:kind: TypeError: no" in capsys.readouterr().err
-    (line,) = table_of(own / "o" / "table.csv")
-    assert (line["controller"], line["failed"]) == ("breaks_r:kind", "2")
-
-
-@pytest.mark.parametrize(
-    ("name", "options", "said"),
-    [
-        ("paper", ["--seed", "-5"], "invalid natural value: '-5'"),
-        ("crowdnav", ["--workers", "-1"], "invalid count value: '-1'"),
-        ("scan_replay", ["--every", "0"], "invalid count value: '0'"),
-        ("scan_replay", ["--dt", "1e-7"], "--dt wants 0.001 to 0.5 s"),
-    ],
-)
-def test_options_out_of_range_are_said(name, options, said, monkeypatch, capsys):
-    with pytest.raises(SystemExit) as ended:
-        script(monkeypatch, name, *options)
-    assert ended.value.code == 2 and said in capsys.readouterr().err

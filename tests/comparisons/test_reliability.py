@@ -1,26 +1,31 @@
-"""What the page of reliability is made of, in small; the page is made of the data."""
+"""The studies of reliability, in small; their page and its tables."""
 
 import shutil
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+for module, extra in (("pyarrow", "study"), ("rosbags", "bags")):
+    pytest.importorskip(module, reason=f"needs qpavoid[{extra}]")
+
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.validation import MOST_ROWS, as_polygons, as_rows
-from reliability import exported, loops, write_page
-from reliability.calls import described, study
+from reliability import damage, exported, killed, loops, page
+from reliability.calls import study
 from reliability.data import rows_of
 
 GCC = pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
-SLOW = pytest.mark.slow
-TARGETS = "arm-linux-musleabihf", "aarch64-linux-gnu", "x86-linux-gnu"
 WRONG = ("raised", "not finite", "beyond limits")
 
 
 def test_the_page_is_made_of_the_tables():
-    assert write_page.PAGE.read_text(encoding="utf-8") == write_page.page()
+    text = page.PAGE.read_text(encoding="utf-8")
+    assert page.filled(text, page.TABLES) == text
+    assert f"{sum(int(x['calls']) for x in rows_of('calls')):,} calls" in text
+    within = [x for x in rows_of("loops") if x["within the premises"] == "yes"]
+    assert f"no contact in {sum(int(x['loops']) for x in within):,} loops" in text
+    assert f"{sum(int(x['loops']) for x in rows_of('loops')):,} closed loops" in text
 
 
 def test_the_tables_keep_what_the_page_promises():
@@ -30,6 +35,8 @@ def test_the_tables_keep_what_the_page_promises():
         assert [row[name] for name in WRONG[1:]] == ["0"] * 2, row
     for row in rows_of("loops"):
         assert row["within the premises"] == "no" or row["contacts"] == "0", row
+    assert all(row["foreign"] == "0" for row in rows_of("files"))
+    assert {row["reader"] for row in rows_of("files")} == {*damage.KINDS}
 
 
 @pytest.mark.parametrize("solver", ["exact", "osqp", "casadi", "qpsolvers:daqp"])
@@ -38,12 +45,6 @@ def test_hostile_calls_have_answers(solver):
         warnings.simplefilter("ignore")
         row = study(solver, 600)
     assert [row[name] for name in WRONG] == [0, 0, 0] and 300 < row["invalid"] < 500
-
-
-def test_a_call_is_described_whatever_it_was():
-    call = {"points": np.array(1.0), "discs": [[1.0], "x"], "walls": np.zeros((3, 4))}
-    assert described(None, call, "relaxed") == "relaxed: 2 discs, 3 walls"
-    assert described(None, {"points": {}}, "tracking") == "tracking: nothing near"
 
 
 @pytest.mark.parametrize("fault", [f for f, within in loops.FAULTS.items() if within])
@@ -84,20 +85,33 @@ def test_a_function_that_calls_itself_is_found(tmp_path):
         exported.call_graph(source, "-fno-optimize-sibling-calls", "-O0").deepest("f")
 
 
-@SLOW
-@pytest.mark.parametrize("target", TARGETS)
-def test_a_second_compiler_takes_it_without_a_warning(target, tmp_path):
-    """Clang, also for 32 bits."""
-    pytest.importorskip("ziglang")
-    source = exported.export(tmp_path, "late")
-    command = *exported.CLANG, target
-    assert exported.warnings_of(command, source, *exported.WARNINGS) == []
-    assert Path(source).with_suffix(".o").stat().st_size > 10_000
+@pytest.mark.long
+@pytest.mark.parametrize("name", damage.KINDS)
+def test_damaged_files_raise_our_own_errors_alone(name):
+    found = damage.fuzz_apart(name, 50, seed=1)
+    assert found["foreign"] == 0, found["what"]
+    assert found["read"] + found["refused"] == 50 and found["refused"] > 10
+    assert found["worst_s"] <= 1.0 and found["most_mb"] <= 500
+
+
+def test_an_error_of_a_reader_is_found(monkeypatch):
+    careless = damage.Kind("obsmat.txt", lambda path: float(path.read_text()[:1]))
+    monkeypatch.setitem(damage.KINDS, "careless", careless)
+    monkeypatch.setattr(damage.resource, "setrlimit", lambda *_: None)
+    found = damage.fuzz("careless", 30)
+    assert found["foreign"] > 0 and found["read"] + found["foreign"] == 30
+    assert any("Error" in error for error in found["what"])
+
+
+@pytest.mark.slow
+def test_a_killed_sweep_leaves_nothing_half_done(tmp_path):
+    row = killed.killed(tmp_path, 1)
+    names = "processes left", "files left", "rows that differ", "exit status"
+    assert [row[name] for name in names] == [0, 0, 0, 0]
+    assert killed.unnoticed(tmp_path / "out", 20) == (20, 0)
 
 
 def test_more_rows_than_can_be_answered_in_time_are_refused_uncopied():
-    import numpy as np
-
     for wide in [(10**12, 2), (3, 10**12)]:
         with pytest.raises(InvalidInputError, match="more than 1000000"):
             as_rows(np.broadcast_to(0.5, wide), 2, "points")

@@ -16,8 +16,7 @@ rows, tables = map(pytest.importorskip, ("rows", "tables"))  # need qpavoid[stud
 RESULTS = COMPARISONS / "results"
 PAGE, README = ((x / "README.md").read_text("utf-8") for x in (COMPARISONS, ROOT))
 OURS = "qp-ahead+guide"
-LABELS = {x: x.lower() for x in ("ours", "MPPI", "NMPC", "TEB", "MPC-CBF", "ORCA")}
-LABELS["ours"] = OURS
+LABELS = {"ours": OURS} | {x: x.lower() for x in "MPPI NMPC TEB MPC-CBF ORCA".split()}
 
 
 @lru_cache
@@ -188,8 +187,8 @@ def test_the_sentences_of_the_readme():
             best[name] += place.before + name in tables.compare(place).best["success"]
     ours, mppi = (sum(hit(x, "/") for x in y) for y in zip(*pairs, strict=True))
     assert f"in {ours} of 4,046 runs, MPPI in {mppi:,} of the same" in text
-    ten = (hit(runs("crowdnav", "^10")[x]) for x in (OURS, "mppi"))
-    assert "{} of 500 runs among CrowdNav's ten people, MPPI {}.".format(*ten) in text
+    ten = [hit(runs("crowdnav", "^10")[x]) for x in (OURS, "mppi")]
+    assert f"{ten[0]} of 500 runs among CrowdNav's ten people, MPPI {ten[1]}." in text
     assert sum(len(x) for x, _ in pairs) == 4046 and len(pairs) == 24
     assert f"In {best[OURS]} of 24 sets of scenes" in text
     assert [best[x] for x in ("mppi", "nmpc", "mpc-cbf")] == [13] * 3

@@ -21,8 +21,8 @@ from qpavoid.qp.solve import (
     load_back_end,
     solve,
 )
-from timing.recorded import Mark, record_problems, record_scans
-from timing.run import ROWS
+from timing.recorded import record_problems, record_scans
+from timing.solvers import ROWS
 from timing.steps import POINTS
 from timing.trials import WRONG, Case, Trials, judge, of_back_end
 
@@ -44,7 +44,7 @@ def bank(rows):
 @pytest.mark.parametrize("rows", ROWS)
 @pytest.mark.parametrize("name", INSTALLED)
 def test_back_end(benchmark, name, rows):
-    problems = [p for p in bank(rows) if p.mark is not Mark.INFEASIBLE][:20]
+    problems = [p for p in bank(rows) if not p.slack][:20]
     contender, trials = of_back_end(load_back_end(name)), Trials()
     cases = [Case(p.scaled, p.optimum, p.scaled.scale) for p in problems]
     turns = iter(cases)

@@ -14,12 +14,12 @@ from qpavoid.avoidance.body_table import BODY
 from qpavoid.avoidance.scene import Scene
 from qpavoid.guide.choice import (
     FASTEST,
-    KEPT,
     KIND,
     LEFT,
     NOT_CHOSEN,
     PACE,
     SIDE,
+    SIDE_TICKS,
     choose,
     driven_candidate,
     track_on,
@@ -52,9 +52,6 @@ ROBOT = qp.Robot.mir100()
 SETTINGS = qp.AvoidanceSettings()
 LAW = StationTracker(Gains(), StationKeeping(), ROBOT.limits).array
 DT = SETTINGS.dt
-
-
-BESIDE = [(0.1, -0.56), (-0.3, -0.56)]
 
 
 def straight(speed=0.7, aside=0.0, rows=ROWS):
@@ -217,16 +214,16 @@ def test_a_side_is_kept_for_seconds_where_nothing_moves():
     """It turned to the right, and then passed on the left."""
     nearer_left, chosen = qp.Obstacles(discs=[(2.0, -0.02, 0.3)]), nothing()
     choose(course(nearer_left), chosen, False)
-    assert driven_candidate(chosen).a > 0.0 and chosen[SIDE] == KEPT
-    chosen[:] = *Candidate(TRACK, 0.0, 1.0, 0.0), -KEPT, 0.0
+    assert driven_candidate(chosen).a > 0.0 and chosen[SIDE] == SIDE_TICKS
+    chosen[:] = *Candidate(TRACK, 0.0, 1.0, 0.0), -SIDE_TICKS, 0.0
     choose(course(nearer_left), chosen, False)
     assert driven_candidate(chosen).a < 0.0
     moving = qp.Obstacles(discs=[(2.0, -0.02, 0.3)], disc_velocities=[(0.0, 0.02)])
     chosen[:] = nothing()
     choose(course(moving), chosen, False)
     assert driven_candidate(chosen).kind == FOLLOW and chosen[SIDE] == 0.0
-    chosen[SIDE] = KEPT
-    for _ in range(round(KEPT)):
+    chosen[SIDE] = SIDE_TICKS
+    for _ in range(round(SIDE_TICKS)):
         choose(course(qp.Obstacles()), chosen, False)
     assert chosen[SIDE] == 0.0
 
@@ -276,13 +273,6 @@ def test_parking_reaches_any_pose_within_a_centimetre_and_a_degree(x, y, turn, b
     assert park_twist(robot, (e_x, e_y, e_turn)) == (0.0, 0.0)
 
 
-def test_parking_is_mirrored():
-    for goal in ((0.8, 0.3, 0.2), (-0.5, 0.1, 1.0), (0.0, 0.0, 0.4)):
-        v, omega = park_twist(ROBOT.limit_vector, goal)
-        mirrored = park_twist(ROBOT.limit_vector, (goal[0], -goal[1], -goal[2]))
-        assert mirrored == pytest.approx((v, -omega))
-
-
 def test_a_robot_beside_its_goal_parks_although_it_must_turn_away_first():
     beside = course(qp.Obstacles(), resting((0.0, 0.12, 0.0)), (0.0, 0.0))
     candidate, twist = chosen_twist(beside)
@@ -304,14 +294,6 @@ def test_an_arrival_counts_only_if_it_is_clear_and_stays_so():
     assert arrival(course(qp.Obstacles(), goal, (0.0, 0.0)), at_goal, free) == free
 
 
-def test_too_near_to_turn_beside_what_stands_it_does_not_park_at_once():
-    """It first drives off, and comes back."""
-    world, ahead = qp.Obstacles(points=BESIDE), resting((0.0, 0.1, 0.0))
-    assert arrival(course(world, ahead), Candidate(PARK, 0, 0, 0), 60) == 60
-    candidate, _ = chosen_twist(course(world, ahead, (0.0, 0.0)))
-    assert candidate.kind == HOLD and candidate.a != 0.0
-
-
 def test_the_reference_ahead_is_seen_from_the_robot():
     path = SplinePath(np.array([(0, 0), (2, 1), (4, 0.0)]), 0.6)
     plan, pose, ahead = (
@@ -327,10 +309,3 @@ def test_the_reference_ahead_is_seen_from_the_robot():
         c, s = math.cos(pose[2]), math.sin(pose[2])
         seen = c * d_x + s * d_y, c * d_y - s * d_x, wanted[2] - pose[2], *wanted[3:]
         assert row == pytest.approx(seen, abs=1e-12)
-
-
-@pytest.mark.parametrize("rounding", [-1e-9, 0.0, 1e-9])
-def test_rounding_does_not_take_the_side(rounding):
-    world = qp.Obstacles(discs=[(2.0, rounding, 0.3)])
-    candidate, _ = chosen_twist(course(world))
-    assert candidate.kind == FOLLOW and candidate.a < 0.0

@@ -62,14 +62,6 @@ def test_it_gets_there(world, most):
     assert min(d.clearance for d in decisions) > SETTINGS.radius.r_min_slow - 1e-3
 
 
-def test_way_points_are_followed():
-    guide = qp.Guide(ROBOT)
-    guide.follow([(0.0, 0.0), (3.0, 0.0), (3.0, 3.0)], 0.6)
-    poses, _, time = drive(guide, qp.Obstacles(), 40.0)
-    assert time < 20.0
-    assert np.hypot(*(poses[:, :2] - (3.0, 0.0)).T).min() < 0.3
-
-
 def test_a_reference_that_begins_at_rest_is_not_at_its_goal():
     """The robot parked where the reference was to be 6 s later."""
     path = CubicPath((0.0, 0.0, 0.0), (0.0, 1.2, math.pi), 3.0, 5.0)

@@ -6,10 +6,8 @@ import shapely
 from test_choice import ROBOT, course, straight
 
 from boxes import RADIUS, box
-from qpavoid.errors import InvalidInputError
 from qpavoid.guide.choice import listed, side_share
 from qpavoid.guide.geodesic import Goal, cells_of, geodesic
-from qpavoid.guide.guide import MOST_STEPS, rows_of
 from qpavoid.guide.rollout import ROWS, parking
 from qpavoid.guide.room import AMPLE, FINE, Field, new_field, outline
 from qpavoid.guide.steering import ASIDE, park_twist, point_ahead
@@ -114,14 +112,6 @@ def test_an_action_costs_its_way_its_turn_and_its_change(room):
     assert _cost(-0.1, 0.3, -1.0, room) == pytest.approx(back)
     assert _cost(-0.1, 0.3, 1.0, room) == pytest.approx(back + CHANGE_COST)
     assert _cost(0.1, 0.3, -1.0, room) == pytest.approx(turn + way + CHANGE_COST)
-
-
-def test_a_path_lasts_no_more_steps_than_there_is_memory_for():
-    class Long:
-        duration = 1.001 * MOST_STEPS * 0.05
-
-    with pytest.raises(InvalidInputError, match="a path must last 0 to"):
-        rows_of(Long(), 0.05)
 
 
 def test_to_park_it_drives_whichever_way_takes_the_smaller_turns():

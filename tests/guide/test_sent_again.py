@@ -197,25 +197,8 @@ def test_reset_takes_the_nearest_twist_and_names_what_is_none():
 
 def test_a_path_sent_again_to_a_goal_that_is_occupied_is_not_begun_anew():
     """Nobody comes back from its end to its beginning."""
-    path = np.column_stack([np.linspace(0.0, 4.0, 81), np.zeros(81)])
-    world = qp.Obstacles(discs=[(4.0, 0.0, 0.3)])
-    robot = qp.Robot(
-        "cart",
-        qp.Footprint.rectangle(0.6, 0.45),
-        qp.Limits(-0.3, 0.6, -1.2, 1.2, 1.0, 2.5),
-    )
-    guide, pose, xs, blocked = (
-        qp.Guide(robot, qp.AvoidanceSettings(dt=0.05)),
-        (0.0,) * 3,
-        [],
-        0,
-    )
-    for k in range(1200):
-        if k % 20 == 0:
-            guide.follow(path, 0.5)
-        d = guide.step(pose, world.seen_from(pose))
-        blocked += d.status is qp.Status.BLOCKED
-        pose = arc(*pose, d.v, d.omega, 0.05)
-        xs.append(pose[0])
-    assert blocked > 300
-    assert max(np.maximum.accumulate(xs) - xs) < 1.0
+    world, path = qp.Obstacles(discs=[(4.0, 0.0, 0.3)]), LINE[LINE[:, 0] <= 4.0]
+    send = lambda guide, k, poses: k % 20 or guide.follow(path, 0.5)  # noqa: E731
+    poses, decisions = drive(send, world)
+    assert sum(d.status is qp.Status.BLOCKED for d in decisions) > 300
+    assert max(np.maximum.accumulate(poses[:, 0]) - poses[:, 0]) < 1.0

@@ -203,7 +203,7 @@ def test_nothing_is_shared_between_runs(robot):
     ],
 )
 def test_bad_settings(settings):
-    with pytest.raises(InvalidInputError, match="a guide wants"):
+    with pytest.raises(InvalidInputError, match="a guide needs"):
         GuideSettings(**settings)
 
 

@@ -18,8 +18,8 @@ from qpavoid.guide.room import (
 )
 from qpavoid.guide.way import (
     ACTIONS,
+    ARC_LENGTH,
     MOST_ACTIONS,
-    STEP,
     TURN,
     Search,
     find_way,
@@ -101,7 +101,7 @@ def test_ways_are_free_and_lead_to_the_target(robot, reverse):
         for drive, turn in np.array(ACTIONS)[way[:count].astype(int)]:
             assert reverse or drive >= 0.0
             for part in np.linspace(0.1, 1.0, 10):
-                on = arc(*pose, drive * STEP, turn * TURN, part)
+                on = arc(*pose, drive * ARC_LENGTH, turn * TURN, part)
                 contacts = Contacts.of(robot.footprint, world.seen_from(on))
                 least = min(least, contacts.distance.min())
             pose = on
@@ -160,6 +160,6 @@ def test_a_way_to_what_lies_beyond_the_grid_stays_on_this_side_of_a_long_wall(ro
         assert count > 0
         pose = (0.0, 0.0, turn)
         for drive, bend in np.array(ACTIONS)[way[:count].astype(int)]:
-            pose = arc(*pose, drive * STEP, bend * TURN, 1.0)
+            pose = arc(*pose, drive * ARC_LENGTH, bend * TURN, 1.0)
             assert -2.0 < pose[1] < 1.2
         assert pose[0] > 5.5

@@ -1,15 +1,18 @@
-"""Contacts: P_r, normal, distance and J_0 against brute force, differences, CasADi."""
+"""Contacts of points, discs, walls and polygons against shapely and differences."""
 
 import math
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import assume, example, given
+import shapely.affinity
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from oracles import holds_point, point_distance, point_to_segment, sides
+from oracles import holds_point, sides
+from qpavoid.model import capsules
 from qpavoid.model.contact import approach_row
 from qpavoid.model.contacts import (
     CONTACT_WIDTH,
@@ -26,64 +29,140 @@ from qpavoid.model.contacts import (
 )
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
-from shapes import PENTAGON, footprints, places
+from shapes import PENTAGON, footprints
+
+SIZES = (0.05, 0.6, 4.0)
+"""m: small, like the robot, round the robot."""
+
+KINDS = ("point", "disc", "wall", "polygon")
+REST = (0.0, 0.0, 0.0)
+kinds = pytest.mark.parametrize("kind", KINDS)
+motions = st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-2, 2))
+twists = st.tuples(st.floats(-1, 1), st.floats(-1.5, 1.5))
 
 
-def touch(footprint, place, radius=0.0):
-    contacts = Contacts.of(footprint, Obstacles(discs=[[*place, radius]]))
-    return contacts.point[0], contacts.normal[0], contacts.distance[0]
+@st.composite
+def corners_of(draw, kind, size=1.0, reach=2.0):
+    """One place, two ends, or corners in order round a circle: convex, up to nine."""
+    middle = np.array([draw(st.floats(-reach, reach)) for _ in range(2)])
+    if kind in ("point", "disc"):
+        return middle[None]
+    n = 2 if kind == "wall" else draw(st.integers(3, 9))
+    shares = np.array([draw(st.floats(0.0, 0.8)) for _ in range(n)])
+    angles = (np.arange(n) + shares + draw(st.floats(0, 1))) * 2 * math.pi / n
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    return size * draw(st.floats(0.2, 1.0)) * circle + middle
 
 
-# ------------------------------------------------------------- points and discs
+def world_of(kind, corners, motion=REST, radius=0.1):
+    """Obstacles of one, which moves; points and discs do not turn, nor do walls."""
+    if kind == "point":
+        return Obstacles(points=corners)
+    if kind == "disc":
+        disc, velocity = [[*corners[0], radius]], [motion[:2]]
+        return Obstacles(discs=disc, disc_velocities=velocity)
+    if kind == "wall":
+        return Obstacles(walls=[corners.ravel()], wall_velocities=[motion[:2]])
+    return Obstacles(polygons=[corners], polygon_velocities=[motion])
+
+
+def shape_of(corners):
+    kinds = {1: lambda x: shapely.Point(*x), 2: shapely.LineString}
+    return kinds.get(len(corners), shapely.Polygon)(corners)
+
+
+def depth(footprint, corners):
+    """The least shift that ends an overlap: of the origin out of the difference."""
+    difference = (corners[:, None] - footprint.vertices[None]).reshape(-1, 2)
+    hull = shapely.MultiPoint(difference).convex_hull
+    origin = shapely.Point(0, 0)
+    return hull.exterior.distance(origin) if hull.contains(origin) else 0.0
+
+
 @footprints
-@given(places, st.floats(0, 1))
-def test_distance_is_the_least_over_the_boundary(footprint, place, radius):
-    _, _, distance = touch(footprint, place, radius)
-    expected = point_distance(footprint.vertices, place) - radius
-    assert distance == pytest.approx(expected, abs=1e-12)
+@kinds
+@settings(max_examples=60)
+@given(data=st.data())
+def test_distance_is_that_of_shapely(footprint, kind, data):
+    """Positive if and only if apart; the way out of an overlap, one inside as well."""
+    corners = data.draw(st.sampled_from(SIZES).flatmap(lambda x: corners_of(kind, x)))
+    radius = 0.1 * (kind == "disc")
+    contacts = Contacts.of(footprint, world_of(kind, corners))
+    robot, distance = shapely.Polygon(footprint.vertices), contacts.distance.min()
+    apart = robot.distance(shape_of(corners)) or -depth(footprint, corners)
+    assert distance == pytest.approx(apart - radius, abs=1e-9)
+    assert len(contacts) == 1 or distance > 0
 
 
 @footprints
-def test_distance_by_dense_sampling(footprint):
-    """Independent of any projection: 4,000 points on every side."""
-    share = np.linspace(0, 1, 4000)[:, None]
-    boundary = np.vstack([a + share * (b - a) for a, b in sides(footprint.vertices)])
-    places = np.random.default_rng(1).uniform(-2, 2, (200, 2))
-    contacts = Contacts.of(footprint, Obstacles(points=places))
-    for place, distance, point in zip(
-        places, contacts.distance, contacts.point, strict=True
-    ):
-        gaps = np.hypot(*(boundary - place).T)
-        assert abs(distance) == pytest.approx(gaps.min(), abs=1e-6 + 1e-7 / gaps.min())
-        assert (distance < 0) == holds_point(footprint.vertices, place)
-        assert np.hypot(*(boundary - point).T).min() < 6e-4
+@kinds
+@settings(max_examples=60)
+@given(data=st.data())
+def test_contacts_are_consistent(footprint, kind, data):
+    """P_r on its side of the robot, P_r + d n on the obstacle, n of length 1."""
+    corners = data.draw(st.sampled_from(SIZES).flatmap(lambda x: corners_of(kind, x)))
+    radius = 0.1 * (kind == "disc")
+    contacts = Contacts.of(footprint, world_of(kind, corners))
+    assert_allclose(np.hypot(*contacts.normal.T), 1.0, atol=1e-12)
+    outline = shapely.Polygon(footprint.vertices).exterior
+    apart = contacts.distance + radius
+    ends = contacts.point + apart[:, None] * contacts.normal
+    other = shape_of(corners)
+    other = other.exterior if kind == "polygon" else other
+    for point in contacts.point:
+        assert outline.distance(shapely.Point(point)) < 1e-9
+    if kind in ("point", "disc") or apart.min() > 0:
+        chosen = [apart.argmin()] if kind == "wall" else range(len(apart))
+        for end in ends[chosen]:
+            assert other.distance(shapely.Point(end)) < 1e-9
+    edges = footprint.edges[contacts.segment]
+    across = ((contacts.point - edges[:, :2]) * edges[:, 2:4]).sum(axis=1)
+    assert_allclose(across, 0.0, atol=1e-9)
 
 
 @footprints
-@given(places)
-def test_contact_is_consistent(footprint, place):
-    """P_r on the boundary, n of unit length, place = P_r + d n, edge holds P_r."""
-    contacts = Contacts.of(footprint, Obstacles(points=[place]))
-    point, normal = contacts.point[0], contacts.normal[0]
-    assert np.hypot(*normal) == pytest.approx(1.0, abs=1e-12)
-    assert_allclose(point + contacts.distance[0] * normal, place, atol=1e-12)
-    a, b = sides(footprint.vertices)[contacts.segment[0]]
-    assert point_to_segment(point, a, b)[0] < 1e-12
+@pytest.mark.parametrize("kind", ["wall", "polygon"])
+@given(data=st.data())
+def test_the_way_out_ends_an_overlap(footprint, kind, data):
+    """Shifted by the depth along −n both just touch; by less they still overlap."""
+    size = data.draw(st.sampled_from([0.3, 4.0]))
+    corners = data.draw(corners_of(kind, size, 0.3))
+    contacts = Contacts.of(footprint, world_of(kind, corners, radius=0.0))
+    assume(contacts.distance[0] < -1e-3)
+    robot = shapely.Polygon(footprint.vertices)
+    for more, overlaps in ((-1e-6, True), (1e-6, False)):
+        shift = (contacts.distance[0] - more) * contacts.normal[0]
+        moved = shapely.affinity.translate(robot, *shift)
+        assert moved.intersects(shape_of(corners)) == overlaps
 
 
 @footprints
-@given(places)
-def test_normal_points_outwards_from_inside_too(footprint, place):
-    assume(abs(point_distance(footprint.vertices, place)) > 1e-6)
-    point, normal, _ = touch(footprint, place)
-    assert not holds_point(footprint.vertices, point + 1e-7 * normal)
-    assert holds_point(footprint.vertices, point - 1e-7 * normal) or _at_corner(
-        footprint, point
-    )
+@kinds
+@given(st.data(), motions, twists)
+def test_rate_of_the_distance(footprint, kind, data, motion, twist):
+    """ḋ = d̂ᵀ(J_0 u − v_o) of every contact, obstacle and robot moving and turning."""
+    world, h = world_of(kind, data.draw(corners_of(kind, 0.8)), motion), 1e-6
 
+    def contacts(time):
+        pose = arc(*REST, *twist, time)
+        return Contacts.of(footprint, world.moved(time).seen_from(pose))
 
-def _at_corner(footprint, point):
-    return np.hypot(*(footprint.vertices - point).T).min() < 1e-3
+    now, before, after = contacts(0.0), contacts(-h), contacts(h)
+    assume(len(now) == len(before) == len(after))
+    assume(now.distance.min() > 0.02)
+    smooth = np.abs(after.distance - 2 * now.distance + before.distance) < 1e-10
+    rate = (after.distance - before.distance) / (2 * h)
+    relative = now.jacobian @ np.array(twist) - now.velocity
+    ours = -(now.normal * relative).sum(axis=1)
+    assert_allclose(ours[smooth], rate[smooth], atol=1e-3)
+    row = approach_row(*now.point[0], *now.normal[0])
+    assert_allclose(row, -now.normal[0] @ now.jacobian[0], atol=1e-15)
+    nearest = now.point + now.distance[:, None] * now.normal
+    if kind == "polygon":
+        middle = shapely.Polygon(world.polygons[0]).centroid
+        arm = nearest @ [1, 1j] - complex(middle.x, middle.y)
+        expected = complex(*motion[:2]) + 1j * motion[2] * arm
+        assert_allclose(now.velocity @ [1, 1j], expected, atol=1e-9)
 
 
 def test_segment_at_a_corner_is_the_one_that_faces_the_obstacle():
@@ -101,52 +180,15 @@ def test_on_the_boundary_the_distance_is_zero(footprint):
     for index, (a, b) in enumerate(sides(footprint.vertices)):
         for share in (0.0, 0.3, 1.0):
             place = a + share * (b - a)
-            point, normal, distance = touch(footprint, place)
-            assert distance == pytest.approx(0.0, abs=1e-12)
-            assert_allclose(point, place, atol=1e-12)
-            assert np.hypot(*normal) == pytest.approx(1.0)
+            contacts = Contacts.of(footprint, Obstacles(points=[place]))
+            assert contacts.distance[0] == pytest.approx(0.0, abs=1e-12)
+            assert_allclose(contacts.point[0], place, atol=1e-12)
+            assert np.hypot(*contacts.normal[0]) == pytest.approx(1.0)
             if share == 0.3:
-                assert_allclose(normal, footprint.edges[index, 2:4], atol=1e-12)
+                edge = footprint.edges[index, 2:4]
+                assert_allclose(contacts.normal[0], edge, atol=1e-12)
 
 
-@footprints
-@given(places, st.floats(0, 0.3))
-@example((-0.445, 0.5), 0.0)
-@example((1.0, 0.0), 0.1)
-def test_gradient_of_the_distance_is_the_normal(footprint, place, radius):
-    """Differences over the obstacle's position, outside; corners included."""
-    assume(point_distance(footprint.vertices, place) > 0.02)
-    h = 1e-6
-    gradient = [
-        (
-            touch(footprint, np.add(place, step), radius)[2]
-            - touch(footprint, np.subtract(place, step), radius)[2]
-        )
-        / (2 * h)
-        for step in ((h, 0), (0, h))
-    ]
-    assert_allclose(gradient, touch(footprint, place, radius)[1], atol=1e-4)
-
-
-@footprints
-def test_c1_along_a_line_across_segments(footprint):
-    """The normal turns without a jump while a disc goes round the footprint."""
-    t = np.linspace(0, 2 * math.pi, 40_001)
-    ring = footprint.vertices.mean(axis=0) + 1.3 * np.column_stack(
-        [np.cos(t), np.sin(t)]
-    )
-    contacts = Contacts.of(footprint, Obstacles(points=ring))
-    assert len(set(contacts.segment)) == len(footprint.edges)
-    step = np.hypot(*np.diff(ring, axis=0).T).max()
-    least = contacts.distance.min()
-    turning = np.hypot(*np.diff(contacts.normal, axis=0).T).max()
-    assert turning <= 1.01 * step / least
-    slope = np.gradient(contacts.distance, t)
-    along = np.column_stack([-np.sin(t), np.cos(t)]) * 1.3
-    assert_allclose(slope[1:-1], (contacts.normal * along).sum(axis=1)[1:-1], atol=2e-3)
-
-
-# ----------------------------------------------------------------- J_0 and rows
 def test_j_0_is_casadis_derivative_in_both_frames():
     """World position of P_r differentiated symbolically, times J of Eq. 1."""
     pose, p = ca.SX.sym("pose", 3), ca.SX.sym("p", 2)
@@ -159,61 +201,24 @@ def test_j_0_is_casadis_derivative_in_both_frames():
     for x, y, heading in rng.uniform(-3, 3, (20, 3)):
         contacts = Contacts.of(PENTAGON, Obstacles(points=rng.uniform(-2, 2, (3, 2))))
         for (p_x, p_y), j_0 in zip(contacts.point, contacts.jacobian, strict=True):
-            in_world, in_robot = (
-                np.array(m) for m in oracle([x, y, heading], [p_x, p_y])
-            )
+            in_world, in_robot = map(np.array, oracle([x, y, heading], [p_x, p_y]))
             assert_allclose(j_0, in_robot, atol=1e-14)
             c, s = math.cos(heading), math.sin(heading)
             printed = [[c, -p_y * c - p_x * s], [s, p_x * c - p_y * s]]
             assert_allclose(in_world, printed, atol=1e-14)
-            assert_allclose(np.array([[c, -s], [s, c]]) @ j_0, printed, atol=1e-14)
             assert np.linalg.det(j_0) == pytest.approx(p_x, abs=1e-14)
 
 
-@footprints
-@given(places, st.floats(-1, 1), st.floats(-1.5, 1.5))
-def test_row_is_the_rate_of_the_distance(footprint, place, v, omega):
-    """The robot drives arc(±h), the obstacle stands: d/dt d = d̂ᵀJ_0 u."""
-    assume(point_distance(footprint.vertices, place) > 0.02)
-    world, h = Obstacles(points=[place]), 1e-6
-
-    def distance(time):
-        pose = arc(0.0, 0.0, 0.0, v, omega, time)
-        return Contacts.of(footprint, world.seen_from(pose)).distance[0]
-
-    contacts = Contacts.of(footprint, world)
-    row = approach_row(*contacts.point[0], *contacts.normal[0])
-    rate = (distance(h) - distance(-h)) / (2 * h)
-    assert row @ np.array([v, omega]) == pytest.approx(rate, abs=2e-4)
-    assert_allclose(row, -contacts.normal[0] @ contacts.jacobian[0], atol=1e-15)
-
-
-@given(places, st.tuples(st.floats(-2, 2), st.floats(-2, 2)))
-def test_rate_with_a_moving_disc(place, velocity):
-    """ḋ = d̂ᵀ(J_0 u − v_o), here with u ≠ 0 and the disc moving over ground."""
-    assume(point_distance(PENTAGON.vertices, place) > 0.3)
-    h, u = 1e-6, (0.4, -0.9)
-
-    def contacts(time):
-        disc = [[*np.add(place, time * np.array(velocity)), 0.1]]
-        world = Obstacles(discs=disc, disc_velocities=[velocity])
-        seen = world.seen_from(arc(0.0, 0.0, 0.0, *u, time))
-        return Contacts.of(PENTAGON, seen)
-
-    now = contacts(0.0)
-    rate = (contacts(h).distance[0] - contacts(-h).distance[0]) / (2 * h)
-    relative = now.jacobian[0] @ u - now.velocity[0]
-    assert -now.normal[0] @ relative == pytest.approx(rate, abs=1e-4)
-
-
 # ------------------------------------------------------------------ many at once
-def scene(rng, size=40):
-    return {
-        "points": rng.uniform(-4, 4, (size, 2)),
-        "discs": np.abs(rng.normal(size=(size, 3))) * [3, 3, 0.2],
-        "disc_velocities": rng.normal(size=(size, 2)),
-        "walls": rng.uniform(-4, 4, (size // 4, 4)),
-    }
+def scene(rng):
+    square = np.array([[0, 0], [0.5, 0], [0.7, 0.5], [0, 0.4]])
+    return Obstacles(
+        points=rng.uniform(-4, 4, (20, 2)),
+        discs=np.abs(rng.normal(size=(20, 3))) * [3, 3, 0.2],
+        disc_velocities=rng.normal(size=(20, 2)),
+        walls=rng.uniform(-4, 4, (10, 4)),
+        polygons=[square + place for place in rng.uniform(-4, 4, (9, 2))],
+    )
 
 
 def table(footprint, arrays, reach):
@@ -230,25 +235,29 @@ def table(footprint, arrays, reach):
 def test_pruning_keeps_what_lies_within_reach_and_the_nearest(footprint, reach):
     rng = np.random.default_rng(4)
     for _ in range(20):
-        arrays = Obstacles(**scene(rng)).arrays
+        arrays = scene(rng).arrays
         everything, _ = table(footprint, arrays, math.inf)
         kept, nearest = table(footprint, arrays, reach)
         ours, all_of_them = kept[:, DISTANCE], everything[:, DISTANCE]
         assert ours[nearest] == all_of_them.min()
         assert_array_equal(kept[ours <= reach], everything[all_of_them <= reach])
+        assert clearance_of(PENTAGON, arrays) == (
+            table(PENTAGON, arrays, math.inf)[0][:, DISTANCE].min()
+        )
+    assert clearance_of(PENTAGON, Obstacles().arrays) == math.inf
 
 
 def test_one_obstacle_at_a_time_gives_the_same():
-    points, discs, velocities, walls = scene(np.random.default_rng(5)).values()
-    together = Contacts.of(PENTAGON, Obstacles(points, discs, velocities, walls))
-    for i, place in enumerate(points):
+    world = scene(np.random.default_rng(5))
+    together, first = Contacts.of(PENTAGON, world), len(world.points)
+    for i, place in enumerate(world.points):
         alone = Contacts.of(PENTAGON, Obstacles(points=[place]))
         assert_allclose(together.point[together.obstacle == i], alone.point)
-    for i, disc in enumerate(discs, start=len(points)):
+    for i, disc in enumerate(world.discs):
         alone = Contacts.of(PENTAGON, Obstacles(discs=[disc]))
-        ours = together.obstacle == i
+        ours = together.obstacle == first + i
         assert_allclose(together.distance[ours], alone.distance)
-        assert_allclose(together.velocity[ours], [velocities[i - len(points)]])
+        assert_allclose(together.velocity[ours], [world.disc_velocities[i]])
 
 
 def test_of_equally_near_obstacles_the_first_is_the_nearest():
@@ -265,26 +274,67 @@ def test_a_row_of_the_table_reads_as_it_was_written():
     assert nearest_distance(contacts, -1) == math.inf
 
 
-def test_the_clearance_is_the_least_distance():
-    arrays = Obstacles(**scene(np.random.default_rng(6))).arrays
-    everything, _ = table(PENTAGON, arrays, math.inf)
-    assert clearance_of(PENTAGON, arrays) == everything[:, DISTANCE].min()
-    assert clearance_of(PENTAGON, Obstacles().arrays) == math.inf
+# ------------------------------------------------------------- walls and polygons
+WALLS = {
+    "through the middle": (-0.05, -0.4, 0.05, 0.4),
+    "through a corner": (0.3, 0.35, 0.8, 0.1),
+    "inside": (-0.05, 0.0, 0.05, 0.02),
+    "along a side": (-1.0, 0.3, 1.0, 0.3),
+    "radial": (1.2, 0.0, 3.0, 0.0),
+    "of no length": (0.9, 0.4, 0.9, 0.4),
+    "across the needle's tip": (0.6, -0.04, 0.7, 0.04),
+}
 
 
-def test_contacts_are_read_only():
-    contacts = Contacts.of(PENTAGON, Obstacles(points=[[2, 0]]))
-    with pytest.raises(ValueError, match="read-only"):
-        contacts.distance[0] = 1.0
+@footprints
+@pytest.mark.parametrize("wall", WALLS.values(), ids=WALLS)
+def test_distance_of_a_wall(footprint, wall):
+    corners = np.reshape(wall, (2, 2))
+    robot = shapely.Polygon(footprint.vertices)
+    apart = robot.distance(shape_of(corners)) or -depth(footprint, corners)
+    contacts = Contacts.of(footprint, Obstacles(walls=[wall]))
+    assert contacts.distance.min() == pytest.approx(apart, abs=1e-9)
 
 
-@given(places, st.floats(0, 0.5))
-def test_mirror_image(place, radius):
-    """The footprint is symmetric: left and right differ in signs only."""
-    assume(abs(place[1]) > 1e-6)
-    assume(abs(point_distance(PENTAGON.vertices, place)) > 1e-9)
-    point, normal, distance = touch(PENTAGON, place, radius)
-    other = touch(PENTAGON, (place[0], -place[1]), radius)
-    assert_allclose(other[0], point * [1, -1], atol=1e-12)
-    assert_allclose(other[1], normal * [1, -1], atol=1e-12)
-    assert other[2] == pytest.approx(distance, abs=1e-12)
+@given(st.integers(0, 2**32 - 1))
+def test_a_wall_in_pieces_is_one(seed):
+    """In whatever order, from whichever end; one that turns off stays by itself."""
+    rng = np.random.default_rng(seed)
+    one, other = rng.uniform(-2, 2, (2, 2))
+    assume(math.dist(one, other) > 0.1)
+    cuts = np.sort([0.0, *rng.uniform(0, 1, rng.integers(1, 5)), 1.0])
+    assume(np.diff(cuts).min() > 0.01)
+    ends = one + cuts[:, None] * (other - one)
+    pieces = [rng.permutation(two).ravel() for two in pairwise(ends)]
+    beside = [*other, *(other + (other - one) @ [[0.0, 1.0], [-1.0, 0.0]])]
+    known = Obstacles(walls=rng.permutation([*pieces, beside])).capsules
+    joined = np.empty_like(known)
+    assert capsules.join_walls(known, joined) == 2
+    found = [{tuple(row[:2]), tuple(row[2:4])} for row in joined[:2].round(9)]
+    for wall in ([*one, *other], beside):
+        assert {tuple(np.round(wall[:2], 9)), tuple(np.round(wall[2:], 9))} in found
+
+
+def test_a_parallel_wall_is_held_at_both_corners():
+    """Both ends of the left side get a row: neither can turn into the wall."""
+    contacts = Contacts.of(PENTAGON, Obstacles(walls=[[-2, 0.5, 2, 0.5]]))
+    near = contacts.distance < 0.21 + 1e-9
+    assert sorted(contacts.point[near, 0]) == pytest.approx([-0.445, 0.445])
+    assert_allclose(contacts.normal[near], [[0, 1], [0, 1]], atol=1e-12)
+
+
+def test_shared_vertices_are_counted_once():
+    box = np.array([[1.5, -0.2], [2, -0.2], [2, 0.2], [1.5, 0.2]])
+    contacts = Contacts.of(PENTAGON, world_of("polygon", box))
+    ends = contacts.point + contacts.distance[:, None] * contacts.normal
+    for corner in box:
+        assert (np.hypot(*(ends - corner).T) < 1e-9).sum() == 1
+    assert len(contacts) <= len(box) * (1 + len(PENTAGON.edges))
+    assert contacts.distance.min() == pytest.approx(1.5 - PENTAGON.vertices[2, 0])
+
+
+@given(corners_of("polygon"), st.integers(0, 2**32 - 1))
+def test_who_is_in_a_polygon_by_casting_a_ray(corners, seed):
+    chain, rng = Obstacles(polygons=[corners]).capsules, np.random.default_rng(seed)
+    for place in corners.mean(axis=0) + rng.normal(size=(20, 2)):
+        assert capsules.holds_point(chain, *place) == holds_point(corners, place)

@@ -1,6 +1,8 @@
 """Velocities from positions. Oracles: a Kalman filter in matrices, Riccati's equation,
-the motions that were simulated, and the worst acceleration history by superposition."""
+the worst acceleration history by superposition; ids that come and go, bad input."""
 
+import copy
+import itertools
 import math
 
 import numpy as np
@@ -10,8 +12,20 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.linalg import solve_discrete_are
 
-from followed import DEFAULT, follow
-from qpavoid.model.estimate import EstimatorSettings, Motion, VelocityEstimator
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
+
+DEFAULT = EstimatorSettings()
+
+
+def follow(settings, times, positions):
+    estimator = VelocityEstimator(settings)
+    ids = range(positions.shape[1])
+    motions = [
+        estimator.update(t, ids, p) for t, p in zip(times, positions, strict=True)
+    ]
+    return (np.array(part) for part in zip(*motions, strict=True))
+
 
 RATES = pytest.mark.parametrize("dt", [0.01, 0.05, 0.1, 0.2, 0.5])
 
@@ -94,46 +108,6 @@ def test_gains_become_those_of_riccati_and_of_the_tracking_index(dt, acceleratio
     assert alpha == pytest.approx(math.sqrt(2 * beta + beta**2 / 12) - beta / 2)
 
 
-def test_first_sight_is_at_rest_and_says_so():
-    motion = VelocityEstimator().update(5.0, ["a", "b"], [[1, 2], [3, 4]])
-    assert isinstance(motion, Motion)
-    assert_array_equal(motion.positions, [[1, 2], [3, 4]])
-    assert_array_equal(motion.velocities, np.zeros((2, 2)))
-    assert_allclose(motion.uncertainty, DEFAULT.speed)
-
-
-@RATES
-def test_constant_velocity_is_found_and_certainty_grows(dt):
-    true = np.array([[0.4, -0.3], [0.0, 1.5], [0.0, 0.0]])
-    times = np.arange(int(4.0 / dt) + 10) * dt
-    places, velocities, off = follow(DEFAULT, times, times[:, None, None] * true)
-    assert_allclose(velocities[-1], true, atol=1e-3)
-    assert_allclose(places[-1], times[-1] * true, atol=1e-3)
-    assert (off[-1] < off[0] / 2).all()
-    assert (np.abs(velocities - true).max(axis=2) <= off).all()
-    assert_array_equal(velocities[:, 2], np.zeros((len(times), 2)))
-
-
-def test_constant_velocity_is_found_at_irregular_times():
-    times = np.cumsum(np.random.default_rng(4).choice([0.001, 0.03, 0.1, 0.4], 200))
-    positions = np.stack([2.0 - 0.7 * times, 0.2 * times], axis=1)[:, None]
-    _, velocities, _ = follow(DEFAULT, times, positions)
-    assert_allclose(velocities[-1], [[-0.7, 0.2]], atol=1e-3)
-
-
-@pytest.mark.parametrize(("dt", "factor"), [(0.01, 50.0), (0.05, 8.0), (0.1, 4.0)])
-def test_far_less_noise_than_finite_differences(dt, factor):
-    rng = np.random.default_rng(1)
-    times = np.arange(int(5.0 / dt)) * dt
-    noise = rng.normal(scale=DEFAULT.noise, size=(len(times), 300, 2))
-    places, velocities, _ = follow(DEFAULT, times, noise + 0.5 * times[:, None, None])
-    differences = np.diff(noise[-2:], axis=0) / dt
-    late = velocities[-1] - 0.5
-    assert late.std() < differences.std() / factor
-    assert abs(late.mean()) < 4 * late.std() / math.sqrt(late.size)
-    assert (places[-1] - 0.5 * times[-1]).std() < noise[-1].std()
-
-
 @RATES
 @pytest.mark.parametrize("acceleration", [0.5, 1.0, 2.0])
 def test_lag_behind_a_constant_acceleration(dt, acceleration):
@@ -204,15 +178,149 @@ def test_uncertainty_holds_for_turning_obstacles_and_noise(scale, factors):
     assert held.mean(axis=(1, 2)).min() > 0.97
 
 
-@given(st.integers(0, 2**32 - 1), settings_drawn)
-def test_moved_turned_and_delayed_frames_give_moved_and_turned_answers(seed, settings):
+@given(st.integers(0, 2**32 - 1))
+def test_ids_do_not_know_of_each_other(seed):
+    """Each in its own estimator, in any order, present or not: the same answers."""
     rng = np.random.default_rng(seed)
-    times = np.cumsum(rng.uniform(0.01, 0.3, 8))
-    positions = rng.normal(size=(8, 3, 2))
-    angle, shift, later = rng.uniform(-3, 3), rng.normal(size=2), rng.uniform(0, 9)
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    place, velocity, off = follow(settings, times, positions)
-    there = follow(settings, times + later, positions @ turn.T + shift)
-    expected = (place @ turn.T + shift, velocity @ turn.T, off)
-    for part, other in zip(there, expected, strict=True):
-        assert_allclose(part, other, rtol=1e-6, atol=1e-8)
+    together = VelocityEstimator()
+    alone = {name: VelocityEstimator() for name in ("a", 7, (1, 2), None)}
+    time = 0.0
+    for _ in range(12):
+        time += rng.choice([0.0, 0.02, 0.3, 1.5])
+        seen = [name for name in alone if rng.uniform() < 0.6]
+        seen = [seen[i] for i in rng.permutation(len(seen))]
+        positions = rng.normal(size=(len(seen), 2))
+        motion = together.update(time, seen, positions)
+        for row, name in enumerate(seen):
+            own = alone[name].update(time, [name], positions[[row]])
+            for part, of_one in zip(motion, own, strict=True):
+                assert_array_equal(part[row], of_one[0])
+
+
+def test_an_id_that_comes_back_in_time_is_known_and_later_is_new():
+    estimator = VelocityEstimator(EstimatorSettings(forget=0.5))
+    for step in range(40):
+        t = step * 0.05
+        estimator.update(t, ["a", "b"], [[t, 0], [0, t]])
+    estimator.update(2.0, ["b"], [[0, 2.0]])
+    sooner = estimator.update(2.4, ["a"], [[2.4, 0]])
+    assert_allclose(sooner.velocities, [[1.0, 0.0]], atol=0.01)
+    assert sooner.uncertainty[0] < DEFAULT.speed / 2
+    later = estimator.update(2.6, ["b", "a"], [[0, 2.6], [2.6, 0]])
+    assert_array_equal(later.velocities[0], [0.0, 0.0])
+    assert later.uncertainty[0] == pytest.approx(DEFAULT.speed)
+    assert later.velocities[1, 0] == pytest.approx(1.0, abs=0.01)
+
+
+def test_what_is_forgotten_takes_no_memory():
+    estimator = VelocityEstimator()
+    for step in range(500):
+        estimator.update(0.1 * step, [step], [[0.0, 0.0]])
+    assert len(estimator._tracks) <= 12
+
+
+def test_nothing_seen_is_an_answer_and_time_goes_on():
+    estimator = VelocityEstimator()
+    for nothing in ([], np.empty((0, 2)), ()):
+        motion = estimator.update(3.0, [], nothing)
+        assert motion.positions.shape == motion.velocities.shape == (0, 2)
+        assert motion.uncertainty.shape == (0,)
+    with pytest.raises(InvalidInputError, match="backwards"):
+        estimator.update(2.9, [], [])
+
+
+def test_a_message_that_comes_twice_changes_nothing():
+    once, twice = VelocityEstimator(), VelocityEstimator()
+    for step in range(10):
+        t, here = 0.1 * step, [[0.05 * step, -1.0]]
+        first = once.update(t, ["a"], here)
+        twice.update(t, ["a"], here)
+        again = twice.update(t, ["a", f"new {step}"], [*here, [9.0, 9.0]])
+        for part, other in zip(first, again, strict=True):
+            assert_array_equal(part[0], other[0])
+        assert again.uncertainty[1] == pytest.approx(DEFAULT.speed)
+
+
+def test_answers_are_copies():
+    estimator, undisturbed = VelocityEstimator(), VelocityEstimator()
+    positions = np.zeros((1, 2))
+    for part in estimator.update(0.0, ["a"], positions):
+        part[:] = 99.0
+    undisturbed.update(0.0, ["a"], np.zeros((1, 2)))
+    assert_array_equal(positions, [[0.0, 0.0]])
+    found = estimator.update(0.1, ["a"], [[0.1, 0.0]])
+    expected = undisturbed.update(0.1, ["a"], [[0.1, 0.0]])
+    assert_array_equal(found.velocities, expected.velocities)
+
+
+class Unhashed:
+    def __hash__(self):
+        raise ValueError("no hash")
+
+
+BAD = {
+    "nan": (1.1, ["a", "b"], [[0.0, 0.0], [math.nan, 0.0]], r"positions\[1\].*'b'"),
+    "inf": (1.1, ["a", "b"], [[0.0, -math.inf], [0.0, 0.0]], r"positions\[0\].*'a'"),
+    "width": (1.1, ["a"], [[0.0, 0.0, 0.0]], r"positions.*\(n, 2\)"),
+    "flat": (1.1, ["a"], [0.0, 0.0], r"positions.*\(n, 2\)"),
+    "text": (1.1, ["a"], [["x", "y"]], "positions must be numbers"),
+    "none": (1.1, ["a"], None, "positions"),
+    "too many": (1.1, ["a", "b"], [[0.0, 0.0]], "2 or more ids for 1 positions"),
+    "too few": (1.1, [], [[0.0, 0.0]], "0 ids for 1 positions"),
+    "twice": (1.1, ["a", "c", "a"], np.zeros((3, 2)), "'a' comes twice"),
+    "unhashable": (1.1, [["a"]], [[0.0, 0.0]], "hashable"),
+    "no list": (1.1, 5, [[0.0, 0.0]], "hashable"),
+    "backwards": (0.9, ["a"], [[0.0, 0.0]], "backwards"),
+    "no time": (math.nan, ["a"], [[0.0, 0.0]], "time must be a finite"),
+    "endless": (math.inf, ["a"], [[0.0, 0.0]], "time must be a finite"),
+    "no number": ("1.1", ["a"], [[0.0, 0.0]], "time must be numbers"),
+    "huge time": (10**400, ["a"], [[0.0, 0.0]], "time must be numbers"),
+    "far time": (1e101, ["a"], [[0.0, 0.0]], "time must be finite"),
+    "masked time": (np.ma.masked, ["a"], [[0.0, 0.0]], "time must not be masked"),
+    "huge": (1.1, ["a"], [[1e308, 1e308]], r"positions\[0\].*'a'"),
+    "endless ids": (1.1, itertools.count(), [[0.0, 0.0]], "2 or more ids for 1"),
+    "bad hash": (1.1, [Unhashed()], [[0.0, 0.0]], "hashables: no hash"),
+}
+
+
+@pytest.mark.parametrize(("time", "ids", "positions", "message"), BAD.values(), ids=BAD)
+def test_bad_input_is_refused_and_nothing_is_lost(time, ids, positions, message):
+    estimator = VelocityEstimator()
+    estimator.update(0.9, ["a", "b"], [[0.0, 0.0], [1.0, 1.0]])
+    estimator.update(1.0, ["a", "b"], [[0.1, 0.0], [1.0, 0.9]])
+    untouched = copy.deepcopy(estimator)
+    with pytest.raises(InvalidInputError, match=message):
+        estimator.update(time, ids, positions)
+    for part, other in zip(
+        estimator.update(1.05, ["b", "c", "a"], np.ones((3, 2))),
+        untouched.update(1.05, ["b", "c", "a"], np.ones((3, 2))),
+        strict=True,
+    ):
+        assert_array_equal(part, other)
+
+
+@pytest.mark.parametrize("wrong", [{"noise": 1e-7}, {"speed": 1e7}])
+def test_bad_settings_are_refused_by_name(wrong):
+    with pytest.raises(InvalidInputError, match=next(iter(wrong))):
+        EstimatorSettings(**wrong)
+    with pytest.raises(InvalidInputError, match="must be EstimatorSettings, not"):
+        VelocityEstimator(wrong)
+
+
+@given(
+    st.tuples(*[st.sampled_from([1e-6, 1e-3, 1.0, 1e3, 1e6])] * 3),
+    st.lists(st.floats(-9.0, 5.9), min_size=1, max_size=30),
+)
+def test_extreme_settings_and_times_give_numbers(values, powers):
+    settings = EstimatorSettings(*values, forget=1e6)
+    times = np.cumsum([-1e3, *(10.0 ** np.array(powers))])
+    positions = np.random.default_rng(0).normal(size=(len(times), 2, 2))
+    for part in follow(settings, times, positions):
+        assert np.isfinite(part).all()
+
+
+@pytest.mark.parametrize("dt", np.geomspace(1e2, 1e5, 20))
+def test_rounding_makes_no_variance_negative(dt):
+    settings = EstimatorSettings(1e-6, 1e-6, 1e6, 1e6)
+    *_, off = follow(settings, [0.0, dt], np.zeros((2, 1, 2)))
+    assert 0.0 <= off[-1, 0] < settings.speed

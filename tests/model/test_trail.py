@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from qpavoid.model.kinematics import integrate
-from qpavoid.model.trail import KEPT, Trail, placed, relative
+from qpavoid.model.trail import MOST_POSES, Trail, placed, relative
 
 
 def compose(frame, pose):
@@ -82,8 +82,8 @@ def test_twists_are_compared_with_poses():
 
 def test_a_clock_that_goes_back_begins_a_new_trail():
     trail = Trail()
-    for k in range(3 * KEPT):
+    for k in range(3 * MOST_POSES):
         trail.record(float(k), (float(k), 0.0, 0.0), (0.0, 0.0))
-    assert trail.at(0.0)[0] == 3 * KEPT - KEPT - 1
+    assert trail.at(0.0)[0] == 3 * MOST_POSES - MOST_POSES - 1
     trail.record(5.0, (7.0, 0.0, 0.0), (0.0, 0.0))
     assert trail.at(9.0) == (7.0, 0.0, 0.0) == trail.at(0.0)

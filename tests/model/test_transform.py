@@ -25,5 +25,5 @@ def test_angles_and_quaternions_agree():
     same = Transform.of_angles([1, 2, 3, 0.3, -0.4, 0.7])
     np.testing.assert_allclose(turned.rotation, same.rotation, atol=1e-12)
     np.testing.assert_allclose(same.rotation @ same.rotation.T, np.eye(3), atol=1e-12)
-    with pytest.raises(InvalidInputError, match="a frame wants"):
+    with pytest.raises(InvalidInputError, match="a frame needs"):
         Transform.of_quaternion([0, 0, 0], [0, 0, 0, 0])

@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-import threading
 
 import numpy as np
 import pytest
@@ -10,12 +9,7 @@ import qpsolvers
 from numpy.testing import assert_allclose
 
 from problem_bank import CASES, arc_of_points, qp, random_problem, ring
-from qpavoid.avoidance.decision import Status
-from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import UnknownNameError
-from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import Obstacles
 from qpavoid.qp.problem import SolveStatus
 from qpavoid.qp.solve import (
     back_end_names,
@@ -147,66 +141,6 @@ def test_objects_do_not_disturb_each_other(name):
         check(solve(problem, back_end), (exact.u, exact.slack), name)
 
 
-@pytest.mark.parametrize("ahead", [False, True], ids=["present", "ahead"])
-@pytest.mark.parametrize("name", NAMES)
-def test_closed_loop_is_the_same(name, ahead, robot):
-    """An obstacle crosses a robot that drives on: the same poses to 1e-6.
-
-    Looking ahead, what is judged anew at every step may turn on the last digits of an
-    answer: then the same way, to a few centimetres, or as OSQP here another one.
-    """
-
-    def run(solver):
-        safety = SafetyFilter(robot, AvoidanceSettings(dt=0.05), solver, ahead)
-        pose, poses, statuses = (0.0, 0.0, 0.0), [], set()
-        for step in range(150):
-            disc = [[1.6 - 0.01 * step, -0.5 + 0.01 * step, 0.1]]
-            world = Obstacles(discs=disc, disc_velocities=[[-0.2, 0.2]])
-            seen = world.seen_from(pose)
-            decision = safety.filter(0.6, 0.1 - 0.2 * pose[2], seen)
-            statuses.add(decision.status)
-            pose = arc(*pose, decision.v, decision.omega, 0.05)
-            poses.append(pose)
-        return np.array(poses), statuses
-
-    (expected, _), (poses, statuses) = run("exact"), run(name)
-    assert Status.FILTERED in statuses
-    rough = ahead and name == "qpsolvers:osqp"
-    if not rough and (name in SHIPPED or Status.STOPPED not in statuses):
-        near = 1e-6 if name in SHIPPED else 1e-5
-        assert_allclose(poses, expected, atol=0.1 if ahead else near)
-
-
-@pytest.mark.parametrize("ahead", [False, True], ids=["present", "ahead"])
-@pytest.mark.parametrize("name", NAMES)
-def test_filter_gives_the_same_decision(name, ahead, robot):
-    """Twist, status, slack, clearance and who is responsible."""
-    exact, safety = (SafetyFilter(robot, None, s, ahead) for s in ("exact", name))
-    scenes = {
-        "nothing": {},
-        "one point": {"points": [[0.85, 0.1]]},
-        "abeam": {"discs": [[0.0, 0.6, 0.1]], "disc_velocities": [[0.0, -0.3]]},
-        "squeezed": {"points": [[0.8, 0.05], [-0.5, 0.1]]},
-        "inside": {"points": [[0.3, 0.1]]},
-        "walls": {"walls": [[0.9, -1.0, 0.9, 1.0], [-1.0, 0.5, 1.0, 0.5]]},
-    }
-    for label, obstacles in scenes.items():
-        for v, omega in ((0.0, 0.0), (0.8, 0.4), (-0.7, -0.9)):
-            exact.reset()
-            safety.reset()
-            one = exact.filter(v, omega, **obstacles)
-            other = safety.filter(v, omega, **obstacles)
-            if other.status is Status.STOPPED and name not in SHIPPED:
-                continue
-            tolerance = 1e-6 if name in SHIPPED else 1e-5
-            assert other[:2] == pytest.approx(one[:2], abs=tolerance), label
-            assert other.status is one.status, label
-            assert other.slack == pytest.approx(one.slack, abs=1e-9)
-            assert other.clearance == one.clearance
-            if one.status is Status.FILTERED:
-                assert set(one.active) <= set(other.active), label
-
-
 @pytest.mark.parametrize("b", [1e-15, 1e-13, 5e-13, 2e-12, 1e-11])
 @pytest.mark.parametrize("name", ["osqp", "casadi", "qpsolvers:daqp"])
 def test_a_slack_of_rounding_size_is_the_same_for_all(name, b):
@@ -215,30 +149,6 @@ def test_a_slack_of_rounding_size_is_the_same_for_all(name, b):
     exact, solution = solve(problem), solve(problem, name)
     assert solution.status is exact.status
     assert_allclose(solution.u, exact.u, atol=1e-6)
-
-
-def test_casadi_means_its_own_solver():
-    problem = qp(*arc_of_points(4))
-    assert_allclose(solve(problem, "casadi").u, solve(problem, "casadi:qrqp").u, atol=0)
-
-
-def test_exact_is_the_default_and_safe_in_threads(robot):
-    """A filter each, eight threads, no hidden state: all the same answers."""
-    safeties = [SafetyFilter(robot) for _ in range(9)]
-    places = np.random.default_rng(2).uniform(0.6, 1.5, (200, 1, 2))
-    expected = [safeties[8].filter(0.7, 0.2, points=p)[:7] for p in places]
-    found = [None] * 8
-
-    def work(index):
-        found[index] = [safeties[index].filter(0.7, 0.2, points=p)[:7] for p in places]
-
-    threads = [threading.Thread(target=work, args=(i,)) for i in range(8)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert found == [expected] * 8
-    assert back_end_names()[0] == safeties[0].solver == "exact"
 
 
 def test_any_solver_that_qpsolvers_finds_is_taken(monkeypatch):

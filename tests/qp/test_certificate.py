@@ -12,7 +12,7 @@ from numpy.testing import assert_array_equal
 from oracles import exact_answer, lowered
 from problem_bank import CASES, qp, random_problem
 from qpavoid.errors import InvalidInputError
-from qpavoid.qp.problem import ARRAYS, FilterProblem
+from qpavoid.qp.problem import FIELDS, FilterProblem
 from qpavoid.qp.solve import RESIDUAL_TOLERANCE, solve
 
 seeds = st.integers(0, 2**32 - 1)
@@ -28,17 +28,6 @@ def test_certificate_rejects_every_other_twist(seed, bearing, size):
     step = size * np.array([math.cos(bearing), math.sin(bearing)])
     wrong = solution.u + step / np.sqrt(problem.weights)
     assert max(relaxed.certify(*wrong)) > RESIDUAL_TOLERANCE
-
-
-@pytest.mark.parametrize("case", CASES, ids=str)
-def test_certificate_rejects_neighbours_of_the_answer(case):
-    (u, slack), problem = case.expected, case.problem
-    relaxed = problem.relaxed(float(lowered(slack)))
-    assert max(relaxed.certify(*u)) <= RESIDUAL_TOLERANCE
-    for size in (1e-2, 0.3):
-        for bearing in np.arange(8) * math.pi / 4 + 0.1:
-            step = size * np.array([math.cos(bearing), math.sin(bearing)])
-            assert max(relaxed.certify(*(u + step / np.sqrt(problem.weights)))) > 1e-5
 
 
 WRONG = {
@@ -122,7 +111,7 @@ def test_problems_that_make_no_sense(wrong):
 def test_a_problem_is_read_only_and_a_copy():
     A, b = np.array([[-1.0, 0.3]]), np.array([-0.2])
     problem = qp(A, b)
-    arrays = [getattr(problem, name) for name in ARRAYS]
+    arrays = [getattr(problem, name) for name in FIELDS]
     assert problem.n_hard == 0
     assert not any(array.flags.writeable for array in arrays)
     b[0] = 7.0
@@ -135,5 +124,5 @@ def test_a_saved_problem_is_the_same(tmp_path):
         problem = replace(case.problem, n_hard=min(number, len(case.problem.b)))
         problem.save(path)
         loaded = FilterProblem.load(path)
-        for name in (*ARRAYS, "n_hard"):
+        for name in (*FIELDS, "n_hard"):
             assert_array_equal(getattr(loaded, name), getattr(problem, name))

@@ -12,7 +12,7 @@ from oracles import exact_answer, exact_slack, large_answer
 from problem_bank import CASES, arc_of_points, qp, random_problem, ring
 from problem_bank import small_integer_problem as small_integers
 from qpavoid.errors import InvalidInputError
-from qpavoid.qp.exact import CHOSEN, WIDTH, nearest_point
+from qpavoid.qp.exact import ROW_WIDTH, TAKEN, nearest_point
 from qpavoid.qp.problem import SolveStatus
 from qpavoid.qp.solve import required_slack, solve
 
@@ -43,20 +43,6 @@ def test_problem_bank(case):
 def test_random_and_degenerate_problems(kind, seed):
     problem = kind(np.random.default_rng(seed))
     assert_solves(problem, exact_answer(problem))
-
-
-@pytest.mark.parametrize("kind", [random_problem, small_integers])
-def test_a_thousand_problems(kind):
-    """More of the same, in one go, judged by optimality alone: fast."""
-    rng = np.random.default_rng(7)
-    statuses = set()
-    for _ in range(1000):
-        problem = kind(rng)
-        solution = solve(problem)
-        statuses.add(solution.status)
-        assert solution.status is not SolveStatus.FAILED
-        assert (problem.A @ solution.u >= problem.b - solution.slack - 1.001e-3).all()
-    assert statuses == {SolveStatus.OPTIMAL, SolveStatus.RELAXED}
 
 
 @pytest.mark.parametrize("rows", [10, 60, 300])
@@ -130,12 +116,6 @@ def test_slack_by_hand():
     assert solution.u == pytest.approx((0.251, 0.0), abs=1e-9)
 
 
-def test_every_row_is_given_the_same_slack_in_metres_per_second():
-    solution = solve(qp([[1, 0], [-1, 0], [0, 1]], [0.4, -0.1, 3.0]))
-    assert solution.slack == pytest.approx(1.5)
-    assert (solution.u[0], solution.u[1]) == pytest.approx((0.6, 1.499))
-
-
 @given(seeds)
 def test_slack_grows_with_rows_and_bounds(seed):
     rng = np.random.default_rng(seed)
@@ -159,70 +139,6 @@ def test_slack_tolerance_is_given_way_to():
 
 
 # ----------------------------------------------------------------------- algebra
-@given(seeds)
-def test_order_and_repetition_of_rows_do_not_matter(seed):
-    rng = np.random.default_rng(seed)
-    problem = random_problem(rng)
-    order = rng.permutation(np.repeat(np.arange(len(problem.b)), 2))
-    shuffled = _with(problem, A=problem.A[order], b=problem.b[order])
-    _assert_same(solve(problem), solve(shuffled))
-
-
-@given(seeds)
-def test_scaling_rows_does_not_matter_where_they_can_be_kept(seed):
-    rng = np.random.default_rng(seed)
-    problem = random_problem(rng)
-    if required_slack(problem) > 0:
-        return
-    scale = 10.0 ** rng.uniform(-4, 3, len(problem.b))
-    scaled = _with(problem, A=problem.A * scale[:, None], b=problem.b * scale)
-    _assert_same(solve(problem), solve(scaled))
-
-
-@given(seeds)
-def test_scaling_both_weights_does_not_matter(seed):
-    problem = random_problem(np.random.default_rng(seed))
-    _assert_same(solve(problem), solve(_with(problem, weights=problem.weights * 7)))
-
-
-@given(seeds)
-def test_mirrored_problem_has_the_mirrored_answer(seed):
-    problem = random_problem(np.random.default_rng(seed))
-    mirror = np.array([1.0, -1.0])
-    mirrored = solve(
-        _with(problem, A=problem.A * mirror, desired=problem.desired * mirror)
-    )
-    assert_allclose(mirrored.u, solve(problem).u * mirror, atol=1e-8)
-
-
-@given(seeds)
-def test_the_answer_is_its_own_answer(seed):
-    """Projection twice is projection once."""
-    problem = random_problem(np.random.default_rng(seed))
-    u = solve(problem).u
-    assert_allclose(solve(_with(problem, desired=u)).u, u, atol=1e-8)
-
-
-@given(seeds)
-def test_projection_never_takes_points_apart(seed):
-    rng = np.random.default_rng(seed)
-    problem = random_problem(rng)
-    other = _with(problem, desired=problem.desired + rng.normal(size=2) * 0.1)
-    scale = np.sqrt(problem.weights)
-    before = np.hypot(*(scale * (problem.desired - other.desired)))
-    after = np.hypot(*(scale * (solve(problem).u - solve(other).u)))
-    assert after <= before + 1e-8
-
-
-def _with(problem, **changes):
-    names = ("A", "b", "desired", "weights", "lower", "upper")
-    return qp(**{name: changes.get(name, getattr(problem, name)) for name in names})
-
-
-def _assert_same(one, other):
-    assert one.status is other.status
-    assert one.slack == pytest.approx(other.slack, abs=1e-9)
-    assert_allclose(one.u, other.u, atol=1e-8)
 
 
 # ------------------------------------------------------------- worst case ------
@@ -231,10 +147,10 @@ def test_rounds_are_bounded_and_few(rows):
     """A problem of m rows names at most m + 4 half-planes; usually two to five."""
     problem = qp(*arc_of_points(rows)) if rows else qp()
     table, _ = problem.table()
-    table[:, CHOSEN] = -1.0
+    table[:, TAKEN] = -1.0
     found, *_ = nearest_point(table, 0.6, 0.0, 0.0)
-    assert found and table.shape == (rows + 4, WIDTH)
-    assert np.count_nonzero(table[:, CHOSEN] >= 0.0) <= 5
+    assert found and table.shape == (rows + 4, ROW_WIDTH)
+    assert np.count_nonzero(table[:, TAKEN] >= 0.0) <= 5
 
 
 def test_an_adversarial_order_of_rows_stays_fast():

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.ros.frames import BEYOND, KEPT, MOST, Frames
+from qpavoid.ros.frames import BEYOND, MEMORY, STAMPS, Frames
 from ros_messages import link
 
 NUMBERS = st.floats(-3.0, 3.0)
@@ -104,12 +104,12 @@ def test_unordered_stamps_and_a_clock_set_back():
 
 
 def test_what_is_remembered_is_bounded():
-    for gap in (KEPT / 100, KEPT / 1e5):
-        times = gap * np.arange(3 * MOST)
+    for gap in (MEMORY / 100, MEMORY / 1e5):
+        times = gap * np.arange(3 * STAMPS)
         frames = tree(*(link("base", "mast", (t, 0.0, 0.0), time=t) for t in times))
         _, kept, places = frames._links["mast"]
-        assert len(kept) == len(places) <= MOST
-        assert kept[-1] - kept[0] <= KEPT
+        assert len(kept) == len(places) <= STAMPS
+        assert kept[-1] - kept[0] <= MEMORY
 
 
 def test_a_frame_that_is_hung_elsewhere():
@@ -137,7 +137,7 @@ def test_what_is_no_place_is_left_out_by_name(place, turn):
     bad = link("base", "mast", place, turn, fixed=True)
     frames.add(Fields(transforms=[bad, good]), fixed=True)
     assert frames.find("base", "laser", 0.0).translation[0] == 0.1
-    assert errors["tf"].startswith("the transform of 'mast' is left out: tf wants")
+    assert errors["tf"].startswith("the transform of 'mast' is left out: tf needs")
     with pytest.raises(
         InvalidInputError, match="known: camera, laser; .*'mast' is left"
     ):

@@ -1,7 +1,6 @@
 """Parameters are the keys of scenario files; diagnostics and markers say what is."""
 
 import math
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -11,8 +10,7 @@ import ros_messages as ros
 from places import ROOT
 from qpavoid.avoidance.freshness import Fault
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.cli import main
-from qpavoid.errors import ConfigError, InvalidInputError, UnknownNameError
+from qpavoid.errors import InvalidInputError, UnknownNameError
 from qpavoid.lab.simulation.schema import Preset, ScenarioModel
 from qpavoid.lab.study.replay import read_parameters
 from qpavoid.model.contacts import Contacts
@@ -40,10 +38,6 @@ def test_names_are_those_of_scenario_files():
     own = {"freshness"}
     for table in set(TABLES) - own:
         assert table in ScenarioModel.model_fields
-    names = {name for name in defaults(preset("jackal")) if "radius" in name}
-    assert names == {f"radius.{k}" for k in
-                     ("r_min_slow_m", "r_min_fast_m", "speed_low_mps", "speed_high_mps",
-                      "zone_ratio", "closing_gain_s")}  # fmt: skip
 
 
 def test_values_are_set_and_refused_by_name():
@@ -80,28 +74,6 @@ def test_shipped_files_are_valid(path):
     found = read_parameters(path)
     guard = Guard(found.setup, found.wiring)
     assert guard.watches and found.setup.freshness.good > 0.0
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("a: 1\nb: 2\n", "wants one node with ros__parameters"),
-        ("{", "not readable YAML"),
-        (
-            "/**: {ros__parameters: {radius: {r_min_slow: 0.1}}}",
-            "did you mean 'radius.r_min_slow_m'",
-        ),
-        (
-            "/**: {ros__parameters: {radius: {r_min_slow_m: -1.0}}}",
-            "radius: a safety radius",
-        ),
-    ],
-)
-def test_files_that_are_wrong(text, said, tmp_path):
-    path = tmp_path / "node.yaml"
-    path.write_text(text)
-    with pytest.raises(ConfigError, match=said):
-        read_parameters(path)
 
 
 @pytest.fixture
@@ -153,18 +125,3 @@ def test_markers_show_what_holds_the_robot(guard):
         Contacts.of(footprint, now.obstacles.seen_from((*way[-1], 0.0))).distance.min()
         > 0.0
     )
-
-
-def test_markers_of_a_robot_that_brakes(guard):
-    drawn = {one.name: one for one in markers(guard, guard.brake("why"))}
-    assert not len(drawn["active contacts"].points)
-    assert drawn["footprint"].colour[0] > drawn["footprint"].colour[2]
-
-
-def test_without_ros_the_command_says_what_it_wants(capsys):
-    """rclpy is no requirement of the package, and of nothing but the node."""
-    assert main(["ros", "--params", "turtlebott"]) == 2
-    assert "did you mean 'turtlebot'" in capsys.readouterr().err
-    if find_spec("rclpy") is None:
-        assert main(["ros", "--params", "mir"]) == 1
-        assert "wants rclpy: source the setup of ROS 2" in capsys.readouterr().err

@@ -9,31 +9,12 @@ import numpy as np
 from qpavoid.export.translate import Translation
 from qpavoid.export.values import Value
 
-EDGES = np.array([[0.5, 1.0], [-0.25, 2.0], [3.0, 0.1]])
-ROBOT = np.array([0.0, 1.5, -1.0, 1.0])
-SETTINGS = np.array(
-    [(0.02, 1, 3)], dtype=[("dt", float), ("passive", np.int64), ("steps", np.int64)]
-)
-KNOWN = [
-    Value("", "edges", known=EDGES),
-    Value("", "robot", known=ROBOT),
-    Value("", "settings", known=SETTINGS),
-]
-CONSTANTS = """
-static const double edges[3][2] = {{0.5, 1.0}, {-0.25, 2.0}, {3.0, 0.1}};
-static const double robot[4] = {0.0, 1.5, -1.0, 1.0};
-static const struct { double dt; int passive, steps; } settings = {0.02, 1, 3};
-"""
-
 
 def in_c(folder, function, **arguments):
     """Return a function that calls the C of one that returns a tuple of numbers."""
     kinds = {"f": "double", "i": "int", "b": "bool", "v": "vector", "m": "matrix"}
     values, made, types, shapes = [], [], [], []
     for name, kind in arguments.items():
-        if isinstance(kind, Value):
-            values.append(kind)
-            continue
         values.append(Value(kinds[kind], name))
         types.append(kind)
         if kind in "vm":
@@ -48,14 +29,13 @@ def in_c(folder, function, **arguments):
     call = unit.call(function, values)
     parts = unit.structs[call.kind].parts
     outs = [f"    out[{i}] = r.{part.text};" for i, part in enumerate(parts)]
-    used = "edges, (void)robot, (void)settings"
     source = "\n".join(
         [
             "#include <math.h>\n#include <stdbool.h>\n#include <stdlib.h>",
-            f"{CONSTANTS}\n{unit.text}",
+            unit.text,
             f"void ask({', '.join([*made, 'double *out'])})\n{{",
             *shapes,
-            f"    (void){used};\n    const {call.kind} r = {call.text};",
+            f"    const {call.kind} r = {call.text};",
             *outs,
             "}",
         ]
@@ -79,7 +59,7 @@ def in_c(folder, function, **arguments):
         library.ask(*numbers, out.ctypes.data_as(ctypes.c_void_p))
         return out
 
-    return ask, source
+    return ask
 
 
 def same(one, other):

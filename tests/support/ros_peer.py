@@ -4,8 +4,6 @@ Run by the Python of :mod:`ros_environment`; prints what happened as JSON. Times
 those of this process: from the writing of a message to the arrival of the twist.
 
     python ros_peer.py DOMAIN [SCENE …]
-
-``QPAVOID_PEER_BAG`` names a folder to which the scene ``bag`` writes one.
 """
 
 import ctypes
@@ -16,14 +14,13 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from struct import pack
 from threading import Thread
 
 from cyclonedds.domain import DomainParticipant
-from cyclonedds.idl import IdlStruct
+from cyclonedds.idl import make_idl_struct
 from cyclonedds.idl.types import array, float32, float64, int32, sequence, uint8, uint32
 from cyclonedds.pub import DataWriter
 from cyclonedds.qos import Policy, Qos
@@ -47,128 +44,58 @@ SETTINGS = {
 }
 
 
-@dataclass
-class Time(IdlStruct, typename="builtin_interfaces.msg.dds_.Time_"):
-    sec: int32
-    nanosec: uint32
+def message(package, name, /, **fields):
+    """The type of a message of ROS, as it is on the wire."""
+    return make_idl_struct(name, f"{package}.msg.dds_.{name}_", fields)
 
 
-@dataclass
-class Header(IdlStruct, typename="std_msgs.msg.dds_.Header_"):
-    stamp: Time
-    frame_id: str
-
-
-@dataclass
-class Clock(IdlStruct, typename="rosgraph_msgs.msg.dds_.Clock_"):
-    clock: Time
-
-
-@dataclass
-class Vector3(IdlStruct, typename="geometry_msgs.msg.dds_.Vector3_"):
-    x: float64
-    y: float64
-    z: float64
-
-
-@dataclass
-class Quaternion(IdlStruct, typename="geometry_msgs.msg.dds_.Quaternion_"):
-    x: float64
-    y: float64
-    z: float64
-    w: float64
-
-
-@dataclass
-class Twist(IdlStruct, typename="geometry_msgs.msg.dds_.Twist_"):
-    linear: Vector3
-    angular: Vector3
-
-
-@dataclass
-class Pose(IdlStruct, typename="geometry_msgs.msg.dds_.Pose_"):
-    position: Vector3
-    orientation: Quaternion
-
-
-@dataclass
-class PoseCovariance(IdlStruct, typename="geometry_msgs.msg.dds_.PoseWithCovariance_"):
-    pose: Pose
-    covariance: array[float64, 36]
-
-
-@dataclass
-class TwistCovariance(
-    IdlStruct, typename="geometry_msgs.msg.dds_.TwistWithCovariance_"
-):
-    twist: Twist
-    covariance: array[float64, 36]
-
-
-@dataclass
-class Odometry(IdlStruct, typename="nav_msgs.msg.dds_.Odometry_"):
-    header: Header
-    child_frame_id: str
-    pose: PoseCovariance
-    twist: TwistCovariance
-
-
-@dataclass
-class LaserScan(IdlStruct, typename="sensor_msgs.msg.dds_.LaserScan_"):
-    header: Header
-    angle_min: float32
-    angle_max: float32
-    angle_increment: float32
-    time_increment: float32
-    scan_time: float32
-    range_min: float32
-    range_max: float32
-    ranges: sequence[float32]
-    intensities: sequence[float32]
-
-
-@dataclass
-class PointField(IdlStruct, typename="sensor_msgs.msg.dds_.PointField_"):
-    name: str
-    offset: uint32
-    datatype: uint8
-    count: uint32
-
-
-@dataclass
-class PointCloud2(IdlStruct, typename="sensor_msgs.msg.dds_.PointCloud2_"):
-    header: Header
-    height: uint32
-    width: uint32
-    fields: sequence[PointField]
-    is_bigendian: bool
-    point_step: uint32
-    row_step: uint32
-    data: sequence[uint8]
-    is_dense: bool
-
-
-@dataclass
-class KeyValue(IdlStruct, typename="diagnostic_msgs.msg.dds_.KeyValue_"):
-    key: str
-    value: str
-
-
-@dataclass
-class DiagnosticStatus(
-    IdlStruct, typename="diagnostic_msgs.msg.dds_.DiagnosticStatus_"
-):
-    level: uint8
-    name: str
-    message: str
-    hardware_id: str
-    values: sequence[KeyValue]
-
-
-@dataclass
-class DiagnosticArray(IdlStruct, typename="diagnostic_msgs.msg.dds_.DiagnosticArray_"):
-    header: Header
-    status: sequence[DiagnosticStatus]
+Time = message("builtin_interfaces", "Time", sec=int32, nanosec=uint32)
+Header = message("std_msgs", "Header", stamp=Time, frame_id=str)
+Clock = message("rosgraph_msgs", "Clock", clock=Time)
+Vector3 = message("geometry_msgs", "Vector3", **dict.fromkeys("xyz", float64))
+Quaternion = message("geometry_msgs", "Quaternion", **dict.fromkeys("xyzw", float64))
+Twist = message("geometry_msgs", "Twist", linear=Vector3, angular=Vector3)
+Pose = message("geometry_msgs", "Pose", position=Vector3, orientation=Quaternion)
+PoseCovariance = message(
+    *("geometry_msgs", "PoseWithCovariance"), pose=Pose, covariance=array[float64, 36]
+)
+TwistCovariance = message(
+    *("geometry_msgs", "TwistWithCovariance"),
+    twist=Twist,
+    covariance=array[float64, 36],
+)
+Odometry = message(
+    *("nav_msgs", "Odometry"),
+    **{"header": Header, "child_frame_id": str},
+    **{"pose": PoseCovariance, "twist": TwistCovariance},
+)
+ANGLES = "angle_min angle_max angle_increment time_increment scan_time".split()
+LaserScan = message(
+    *("sensor_msgs", "LaserScan"),
+    **{"header": Header, **dict.fromkeys([*ANGLES, "range_min", "range_max"], float32)},
+    **dict.fromkeys(("ranges", "intensities"), sequence[float32]),
+)
+PointField = message(
+    *("sensor_msgs", "PointField"),
+    **{"name": str, "offset": uint32, "datatype": uint8, "count": uint32},
+)
+PointCloud2 = message(
+    *("sensor_msgs", "PointCloud2"),
+    **{"header": Header, "height": uint32, "width": uint32},
+    **{"fields": sequence[PointField], "is_bigendian": bool},
+    **{"point_step": uint32, "row_step": uint32, "data": sequence[uint8]},
+    is_dense=bool,
+)
+KeyValue = message("diagnostic_msgs", "KeyValue", key=str, value=str)
+DiagnosticStatus = message(
+    *("diagnostic_msgs", "DiagnosticStatus"),
+    **{"level": uint8, "name": str, "message": str, "hardware_id": str},
+    values=sequence[KeyValue],
+)
+DiagnosticArray = message(
+    *("diagnostic_msgs", "DiagnosticArray"),
+    **{"header": Header, "status": sequence[DiagnosticStatus]},
+)
 
 
 def as_time(seconds):
@@ -191,7 +118,6 @@ class Peer:
         self.clock = write("clock", Clock, BEST) if sim else None
         self.twists, self.told, self.written, self.alive = [], [], [], True
         self.people, self.pose, self.twist = [], (0.0, 0.0, 0.0), (0.0, 0.0)
-        self.kept = None
         readers = (
             (self._reader("cmd_vel_out", Twist), self._on_twist),
             (self._reader("diagnostics", DiagnosticArray), self._on_told),
@@ -214,16 +140,10 @@ class Peer:
 
     def _on_twist(self, at, twist):
         self.twists.append((at, twist.linear.x, twist.angular.z))
-        self.keep("cmd_vel_out", twist)
 
     def _on_told(self, at, message):
         for status in message.status:
             self.told.append((at, status.level, status.message, status.values))
-        self.keep("diagnostics", message)
-
-    def keep(self, topic, message):
-        if self.kept is not None:
-            self.kept.append((time.time_ns(), topic, message))
 
     def time(self):
         return self.now if self.sim else time.time()
@@ -238,7 +158,6 @@ class Peer:
         self.written.append(time.monotonic())
         scan = LaserScan(header, -math.pi, math.pi, step, 0, 0, 0.05, 10.0, ranges, [])
         self.scans.write(scan)
-        self.keep("scan", scan)
 
     def odom(self):
         (x, y, heading), (v, omega) = self.pose, self.twist
@@ -247,9 +166,7 @@ class Peer:
         driven = Twist(Vector3(v, 0, 0), Vector3(0, 0, omega))
         header = Header(as_time(self.time()), "odom")
         twist = TwistCovariance(driven, [0.0] * 36)
-        message = Odometry(header, "base_link", pose, twist)
-        self.odometry.write(message)
-        self.keep("odom", message)
+        self.odometry.write(Odometry(header, "base_link", pose, twist))
 
     def track(self, rows):
         """Tracked discs in the frame of odometry: x, y, radius, v_x, v_y."""
@@ -262,9 +179,7 @@ class Peer:
         )
 
     def command(self, v, omega=0.0):
-        twist = Twist(Vector3(v, 0, 0), Vector3(0, 0, omega))
-        self.commands.write(twist)
-        self.keep("cmd_vel_in", twist)
+        self.commands.write(Twist(Vector3(v, 0, 0), Vector3(0, 0, omega)))
 
     def drive(self, seconds, v=0.3, scan=None, odom=True, tick=1.0, command=True):
         """Do as a robot does; ``scan(k)`` writes the scan of a period.
@@ -342,43 +257,6 @@ class Node:
         """Return the time of processors that it has used, s."""
         words = Path(f"/proc/{self.process.pid}/stat").read_text().split()
         return (int(words[13]) + int(words[14])) / os.sysconf("SC_CLK_TCK")
-
-    def call(self, code):
-        """Run code with ``node``, an rclpy node beside it; return what it prints."""
-        text = (
-            "import rclpy, sys\n"
-            "from rclpy.node import Node\n"
-            "rclpy.init(); node = Node('caller')\n"
-            "def ask(kind, name, request):\n"
-            "    client = node.create_client(kind, name)\n"
-            "    assert client.wait_for_service(20.0)\n"
-            "    future = client.call_async(request)\n"
-            "    rclpy.spin_until_future_complete(node, future, timeout_sec=20.0)\n"
-            "    return future.result()\n" + code
-        )
-        run = [sys.executable, "-P", "-c", text]
-        done = subprocess.run(
-            run, env=self.environment, capture_output=True, text=True, check=True
-        )
-        return done.stdout.strip()
-
-    def change(self, transition):
-        return self.call(
-            "from lifecycle_msgs.srv import ChangeState\n"
-            "request = ChangeState.Request()\n"
-            f"request.transition.id = {transition}\n"
-            "print(ask(ChangeState, '/qpavoid/change_state', request).success)\n"
-        )
-
-    def set(self, name, value):
-        return self.call(
-            "from rcl_interfaces.srv import SetParameters\n"
-            "from rclpy.parameter import Parameter\n"
-            f"one = Parameter({name!r}, value={value!r}).to_parameter_msg()\n"
-            "request = SetParameters.Request(parameters=[one])\n"
-            "(r,) = ask(SetParameters, '/qpavoid/set_parameters', request).results\n"
-            "print(r.successful, r.reason)\n"
-        )
 
     def end(self, kill=False):
         (self.process.kill if kill else self.process.terminate)()
@@ -504,33 +382,6 @@ def silence(peer, node):
     return {"stands": stands, "twists": len(rows), "backs_up": least}
 
 
-def deactivate(peer, node):
-    peer.drive(1.0)
-    told = node.change(4)
-    at = time.monotonic()
-    peer.drive(1.0)
-    rows, last = peer.since(at + 0.1), peer.twists[-1]
-    again = node.change(3)
-    at = time.monotonic()
-    peer.drive(2.0)
-    return {
-        "told": [told, again],
-        "silent": len(rows),
-        "last": last[1:],
-        "goes": peer.goes(at),
-    }
-
-
-def parameters(peer, node):
-    refused = node.set("radius.r_min_slow_m", -1.0)
-    fixed = node.set("scans", ["other"])
-    taken = node.set("robot.v_max_mps", 0.1)
-    begun = peer.drive(2.0)
-    slow = max(v for _, v, _ in peer.since(begun + 1.0))
-    node.set("robot.v_max_mps", 1.0)
-    return {"refused": refused, "fixed": fixed, "taken": taken, "v": slow}
-
-
 def restart(peer, node):
     peer.drive(1.0)
     node.end(kill=True)
@@ -547,48 +398,6 @@ def memory(peer, node, seconds=180.0):
     flood(peer, node, seconds=seconds, times=20)
     many = len(peer.written) - many
     return {"before": before, "after": node.memory(), "scans": many}
-
-
-def bag(peer, node, seconds=8.0, ahead=2.5):
-    """The node drives at a wall and is stopped by it; all is written as a bag."""
-    peer.drive(1.0)
-    peer.kept, begun, last = [], time.monotonic(), time.monotonic()
-
-    def scan(k):
-        nonlocal last
-        now = time.monotonic()
-        x, y, heading = peer.pose
-        v = peer.twists[-1][1]  # it drives straight on
-        peer.pose = x + v * (now - last), y, heading
-        peer.twist, last = (v, 0.0), now
-        if not 2.0 < now - begun < 2.6:
-            peer.scan(ahead - peer.pose[0])
-
-    peer.drive(seconds, scan=scan)
-    kept, peer.kept = peer.kept, None
-    x, peer.pose, peer.twist = peer.pose[0], (0.0, 0.0, 0.0), (0.0, 0.0)
-    peer.drive(1.0)
-    folder = os.environ.get("QPAVOID_PEER_BAG")
-    if folder:
-        write_bag(Path(folder), kept)
-    return {"folder": folder, "messages": len(kept), "x": x}
-
-
-def write_bag(folder, kept):
-    """Write messages as they were on the wire."""
-    from rosbags.rosbag2 import StoragePlugin, Writer
-    from rosbags.typesys import Stores, get_typestore
-
-    store, topics = get_typestore(Stores.ROS2_JAZZY), {}
-    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        for at, topic, message in sorted(kept, key=lambda one: one[0]):
-            if topic not in topics:
-                kind = type(message).__idl_typename__.rstrip("_").split(".")
-                name = f"{kind[0]}/msg/{kind[-1]}"
-                topics[topic] = writer.add_connection(
-                    f"/{topic}", name, typestore=store
-                )
-            writer.write(topics[topic], at, message.serialize())
 
 
 def ends(peer, node):
@@ -634,7 +443,7 @@ def bad_clock(peer, node):
 
 SCENES = (
     *(latency, wall, kill, odometry, same_stamp, future, past, blind, covered),
-    *(reorder, flood, silence, deactivate, parameters, bag, restart, memory, ends),
+    *(reorder, flood, silence, restart, memory, ends),
 )
 CLOCKED = frozen, jump, bad_clock
 

@@ -1,1 +1,1 @@
-"""Baselines from the literature, behind the same call as ours."""
+"""Baselines from the literature, with the interface of the filter."""

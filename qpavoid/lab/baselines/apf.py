@@ -16,8 +16,8 @@ from qpavoid.model.contacts import (
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.types import ContactRows, Twist
 
-NEAREST = 0.02
-"""m; the force grows no further: the potential has no value at contact."""
+LEAST_DISTANCE = 0.02
+"""m; distance below which the force is constant: the potential diverges at contact."""
 
 
 @compiled
@@ -25,13 +25,13 @@ def force(distance: float, strength: float, reach: float) -> float:
     """Return −dU/dd = η(1/d − 1/d_0)/d² of U = ½η(1/d − 1/d_0)², d < d_0, else 0.
 
     Args:
-        distance: d, m; not below :data:`NEAREST`.
+        distance: d, m; not below :data:`LEAST_DISTANCE`.
         strength: η.
         reach: d_0, m.
     """
     if distance >= reach:
         return 0.0
-    d = max(distance, NEAREST)
+    d = max(distance, LEAST_DISTANCE)
     return strength * (1.0 / d - 1.0 / reach) / (d * d)
 
 
@@ -40,7 +40,7 @@ def force(distance: float, strength: float, reach: float) -> float:
 def _whole_force_fits(
     contacts: ContactRows, count: int, strength: float, reach: float
 ) -> bool:
-    """Return whether there are so many rows."""
+    """Return whether the table has ``count`` rows."""
     all_fit: bool = count <= contacts.shape[0]
     return all_fit
 
@@ -50,9 +50,9 @@ def _whole_force_fits(
 def whole_force(
     contacts: ContactRows, count: int, strength: float, reach: float
 ) -> tuple[float, float]:
-    """Return Σ F, −∇U over shifts of the robot, each obstacle at its nearest contact.
+    """Return Σ F = −∇U over shifts of the robot, one nearest contact per obstacle.
 
-    Contacts of one obstacle follow each other in the table.
+    Contacts of one obstacle are successive rows of the table.
     """
     f_x, f_y, i = 0.0, 0.0, 0
     while i < count:
@@ -69,13 +69,12 @@ def whole_force(
 
 @dataclass(frozen=True)
 class PotentialController(Baseline):
-    """The desired twist, and the forces of all obstacles on a point ahead of the axle.
+    """The desired twist plus the forces of all obstacles on a point ahead of the axle.
 
     Every obstacle nearer to the footprint than ``reach`` repels. The point ``lever``
-    ahead of the axle can move any way that it likes, with (v, ω·lever), and gives way
-    to the sum of the forces as a velocity: ``strength`` holds the mobility. The
-    tracking law stands for the attractive potential. The obstacles' velocities do not
-    enter.
+    ahead of the axle can move in any direction, with (v, ω·lever); the sum of the
+    forces is added to its velocity: ``strength`` includes the mobility. The tracking
+    law replaces the attractive potential. The obstacles' velocities are not used.
 
     Attributes:
         strength: η times the mobility, m⁴/s.

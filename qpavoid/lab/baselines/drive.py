@@ -1,4 +1,4 @@
-"""The step of a baseline: plan, keep the limits, judge; and what baselines share."""
+"""Step of a baseline (plan, limits, status), and common functions of baselines."""
 
 import math
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from qpavoid.avoidance.barrier_rows import wanted_distance
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Decision, Status
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.avoidance.step import UNCHANGED
+from qpavoid.avoidance.step import SAME_TWIST
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.capsules import PIVOT_X, PIVOT_Y, RADIUS, TURN, V_X, V_Y, X1, Y2
 from qpavoid.model.contacts import clearance_of
@@ -24,18 +24,18 @@ from qpavoid.model.robot import Robot, braking_twist, limit_twist
 from qpavoid.types import Array, Twist
 
 NONE = np.empty((0, 5))
-"""No points that move."""
+"""No moving points."""
 
 
 class Command(NamedTuple):
     """Output of a method, before the robot's limits.
 
     Attributes:
-        twist: v (m/s), ω (rad/s); the limits are yet to be kept.
+        twist: v (m/s), ω (rad/s), not yet within the limits.
         status: ``steered``, ``filtered`` (by a QP), ``relaxed``, or ``stopped`` where
             the solver failed and the robot brakes.
         slack: Violation that had to be allowed, m/s; 0 unless relaxed.
-        shortfall: By how much r_min will be undercut, m; 0 unless relaxed.
+        shortfall: Predicted violation of r_min, m; 0 unless relaxed.
         lateral: Speed to the left, m/s; 0 but for an omnidirectional base.
     """
 
@@ -46,30 +46,30 @@ class Command(NamedTuple):
     lateral: float = 0.0
 
 
-VIOLATED = 1e-3
-"""m/s, or m within r_min, from which an answer counts as relaxed."""
+RELAXED_FROM = 1e-3
+"""m/s, or m within r_min; violation from which a solution counts as relaxed."""
 
 FAILED = Command((0.0, 0.0), Status.STOPPED)
-"""The solver gave no answer: brake."""
+"""Command after a failure of the solver: brake."""
 
 Method: TypeAlias = Callable[[Twist, Obstacles, StepContext], Command | None]
-"""From desired twist, obstacles and context to an answer; None: the desired twist."""
+"""Function of desired twist, obstacles and context; None: drive the desired twist."""
 
 
 def stepping(
     robot: Robot, dt: float, last: Twist, plan: Method, period: float = 0.0
 ) -> Step:
-    """Return the step of a method that plans anew every ``period`` s.
+    """Return the step of a method that plans every ``period`` s.
 
-    What it drives is cut to the limits. A step that is given no context is one towards
-    nowhere: the reference then drives the desired twist from where the robot is.
+    Its twist is cut to the limits. Without a context the reference drives the desired
+    twist from the robot's pose.
 
     Args:
         robot: Footprint and limits.
         dt: Control step, s.
         last: Twist driven last.
         plan: The method.
-        period: s between two plans; 0: every step. An answer is held in between.
+        period: s between two plans; 0: every step. A command is held in between.
     """
     every, count = max(1, round(period / dt)), 0
     answer: Command | None = None
@@ -90,13 +90,12 @@ def stepping(
         twist, status, slack, shortfall, lateral = answer or Command((v, omega))
         if status is Status.STOPPED:
             twist = braking_twist(numbers, *context.driven, dt)
-        # From what is driven, which need not be what was asked for: a base slips and
-        # lags.
+        # From the measured twist: a base slips and lags.
         last = limit_twist(numbers, twist, context.driven, dt)
         off = max(abs(last[0] - v), abs(last[1] - omega), abs(lateral))
-        # A method that solves or searches gives the desired twist back to a rounding
-        # where nothing is in its way; all are to call that the same.
-        if status in (Status.FILTERED, Status.STEERED) and off <= UNCHANGED:
+        # A solver returns the desired twist with rounding if nothing constrains it; all
+        # methods then have the same status.
+        if status in (Status.FILTERED, Status.STEERED) and off <= SAME_TWIST:
             status = Status.TRACKING
         clearance = clearance_of(footprint, obstacles.arrays)
         elapsed = perf_counter() - started
@@ -112,7 +111,7 @@ def wide_discs(
 ) -> Array:
     """Return points, discs and more points (n, 5): x, y, radius + r_min, v_x, v_y.
 
-    In m and m/s; sensed points stand still, and ``more`` (m, 5) may be those of lines.
+    In m and m/s; sensed points are static; ``more`` (m, 5): e.g. points of lines.
     """
     record, still = settings.record(), wide_still(settings)
     first, last = len(obstacles.points), len(obstacles.points) + len(obstacles.discs)
@@ -138,7 +137,7 @@ def wide_lines(obstacles: Obstacles, settings: AvoidanceSettings) -> Array:
 
 
 def wide_still(settings: AvoidanceSettings) -> float:
-    """Return r_min of what stands still, with the widening of the margins, m."""
+    """Return the required distance of static obstacles, with the inflation, m."""
     return wanted_distance(settings.record(), 0.0, 0.0)[1]
 
 
@@ -147,19 +146,19 @@ def out_of_reach(robot: Robot, discs: Array, horizon: float) -> bool:
 
     Args:
         robot: Footprint and limits.
-        discs: As :func:`wide_discs` gives them.
+        discs: See :func:`wide_discs`.
         horizon: s.
     """
     return bool(soonest_reached(robot, discs).min(initial=math.inf) > horizon)
 
 
 def soonest_reached(robot: Robot, discs: Array, v: float = 0.0) -> Array:
-    """Return when at the soonest the robot can be near each disc (n,), s; inf: never.
+    """Return the earliest time at which the robot can reach each disc (n,), s, or inf.
 
     Args:
         robot: Footprint and limits.
-        discs: As :func:`wide_discs` gives them.
-        v: m/s; that it drives at present.
+        discs: See :func:`wide_discs`.
+        v: Present speed, m/s.
     """
     limits = robot.limits
     speed = min(max(limits.v_max, -limits.v_min), limits.wheel_speed)
@@ -184,7 +183,7 @@ def line_points(obstacles: Obstacles, spacing: float = 0.2) -> Array:
     place = np.arange(len(of)) - (last - counts + 1)[of]
     share = place * (1.0 / (counts - 1))[of]
     share[last] = 1.0
-    # Not start + share · way: both ends are then exact.
+    # Not start + share · length: both ends are then exact.
     places = (1.0 - share[:, None]) * ends[of, :2] + share[:, None] * ends[of, 2:]
     capsules, points = capsules[of], np.zeros((len(places), 5))
     lever = places - capsules[:, PIVOT_X : PIVOT_Y + 1]
@@ -199,9 +198,9 @@ def reference_ahead(
 ) -> Array:
     """Return poses (stages, 3) of the reference after 1, 2, … ticks, robot frame.
 
-    It drives on with its twist of now and stops at the goal. Where the robot could not
-    be by then at full speed, it is pulled in along the straight line: a reference that
-    is far off is then no dearer than one that the robot can just catch up with.
+    It continues with its present twist and stops at the goal. Poses that the robot
+    cannot reach by then are moved to its reach along the straight line: a distant
+    reference then costs no more than one within reach.
     """
     (x, y, heading), (v, omega) = context.target, context.reference
     left = math.hypot(context.goal[0] - x, context.goal[1] - y)
@@ -218,7 +217,7 @@ def reference_ahead(
 
 @dataclass(frozen=True)
 class Baseline:
-    """A method whose every plan follows from what is seen.
+    """A method without state: every plan follows from the present obstacles.
 
     Attributes:
         robot: Footprint and limits.
@@ -238,21 +237,21 @@ class Baseline:
     def plan(
         self, desired: Twist, obstacles: Obstacles, context: StepContext
     ) -> Command | None:
-        """Return what to drive; None: the desired twist, whatever there is."""
+        """Return the command; None: the desired twist."""
         return None
 
 
 def round_robot(robot: Robot, ahead: float) -> float:
-    """Return the radius (m) of the circle about (ahead, 0) that holds the footprint."""
+    """Return the radius (m) of the circle about (ahead, 0) around the footprint."""
     x, y = robot.footprint.vertices.T
     return float(np.hypot(x - ahead, y).max())
 
 
 @lru_cache(maxsize=32)
 def body_discs(robot: Robot, count: int) -> tuple[tuple[float, float], ...]:
-    """Return discs that hold the footprint together: x of the centre, radius, m.
+    """Return discs that cover the footprint: x of the centre, radius, m.
 
-    The footprint is cut across into ``count`` equal lengths, each held by the least
+    The footprint is cut across into ``count`` equal lengths, each covered by the least
     disc about a point of the x-axis, to the nearest of 200.
     """
     corners = robot.footprint.vertices

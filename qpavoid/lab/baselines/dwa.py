@@ -14,26 +14,26 @@ from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import limit_twist, limits_of, stopping_time, twist_box
 from qpavoid.types import Arrays, Twist
 
-SPEEDS, RATES = 9, 25
-"""Forward speeds and yaw rates that are tried."""
+SPEEDS_TRIED, RATES_TRIED = 9, 25
+"""Numbers of forward speeds and yaw rates that are tried."""
 
 FASTEST = 10.0
-"""rad/s; no faster turn is tried, where the robot has no limit."""
+"""rad/s; greatest yaw rate that is tried for a robot without limits."""
 
-LONGEST = 20.0
-"""s; for how long a slow twist is followed."""
+LONGEST_FOLLOWED = 20.0
+"""s; horizon for slow twists."""
 
 
 class Window(NamedTuple):
-    """What twists are judged by.
+    """Context of the score of a twist.
 
     Attributes:
         setup: Footprint, limits and settings.
         obstacles: Robot frame.
         weights: Of heading, clearance and velocity.
-        look: s after which the heading is judged.
-        reach: m; a longer free way is not worth more.
-        margin: To keep on the way, m.
+        look: s after which the heading counts.
+        reach: m; free length of full score.
+        margin: Required distance on the arc, m.
         target: x, y, robot frame, m.
         driven: Twist driven last.
         pace: Greatest forward speed that is tried, m/s.
@@ -52,12 +52,12 @@ class Window(NamedTuple):
 
 @compiled_once
 def judge(window: Window, twist: Twist, least: float) -> float:
-    """Return the objective of a twist; −inf where it leaves no room to stop.
+    """Return the objective of a twist; −inf if it is not admissible.
 
-    A weighted sum of 1 − |θ|/π, of the free way along the arc over ``reach``, and of
-    v/v_max; θ is the bearing of the target from the pose ``look`` s on. Admissible is
-    what comes to rest before anything, braking along its arc. What cannot come to more
-    than ``least`` is not looked at: −inf as well.
+    A weighted sum of 1 − |θ|/π, of the free length of the arc over ``reach``, and of
+    v/v_max; θ is the bearing of the target from the pose ``look`` s on. Admissible
+    twists can stop before any obstacle, braking along their arc. Also −inf if the
+    objective cannot exceed ``least``.
     """
     (_, robot, settings), (v, omega), reach = window.setup, twist, window.reach
     heading, clearance, velocity = window.weights
@@ -65,13 +65,13 @@ def judge(window: Window, twist: Twist, least: float) -> float:
     bearing = math.atan2(window.target[1] - y, window.target[0] - x)
     off, v_max = wrap_angle(bearing - course), max(limits_of(robot).v_max, TINY)
     score = heading * (1.0 - abs(off) / math.pi) + velocity * v / v_max
-    # The free way adds its weight at most, and is what costs time to find.
+    # The free length adds its weight at most, and takes most of the time.
     if score + clearance <= least:
         return -math.inf
     rest = stopping_time(robot, v, omega, settings[0].dt)
     turn = 2.0 * math.pi / max(abs(omega), TINY)
     horizon = min(reach / max(abs(v), TINY), turn)
-    horizon = max(min(horizon, LONGEST), rest)
+    horizon = max(min(horizon, LONGEST_FOLLOWED), rest)
     free = free_time(window.setup, window.obstacles, window.margin, twist, horizon)
     if free < rest:
         return -math.inf
@@ -84,8 +84,8 @@ def judge(window: Window, twist: Twist, least: float) -> float:
 def best_twist(window: Window) -> tuple[float, float, float]:
     """Return the best objective in the dynamic window, and its v and ω.
 
-    It is −inf if nothing is admissible. Forward speeds only, up to the pace, unless the
-    robot cannot help it.
+    −inf if no twist is admissible. Forward speeds up to the pace only, if the window
+    has any.
     """
     (_, robot, settings), driven = window.setup, window.driven
     v_low, v_high, omega_low, omega_high = twist_box(
@@ -96,11 +96,11 @@ def best_twist(window: Window) -> tuple[float, float, float]:
     v_low = min(max(v_low, 0.0), v_high)
     v_high = min(max(window.pace, v_low), v_high)
     best, best_v, best_omega = -math.inf, 0.0, 0.0
-    for i in range(SPEEDS):
-        for j in range(RATES):
-            v = v_high - (v_high - v_low) * i / (SPEEDS - 1)
-            omega = omega_low + (omega_high - omega_low) * j / (RATES - 1)
-            # The window is a box; what the wheels can do is not all of it.
+    for i in range(SPEEDS_TRIED):
+        for j in range(RATES_TRIED):
+            v = v_high - (v_high - v_low) * i / (SPEEDS_TRIED - 1)
+            omega = omega_low + (omega_high - omega_low) * j / (RATES_TRIED - 1)
+            # The window is a box; the wheels' limit excludes a part of it.
             v, omega = limit_twist(robot, (v, omega), driven, settings[0].dt)
             score = judge(window, (v, omega), best)
             if score > best:
@@ -110,20 +110,20 @@ def best_twist(window: Window) -> tuple[float, float, float]:
 
 @dataclass(frozen=True)
 class WindowController(Baseline):
-    """The best of the twists that can be reached and leave room to stop.
+    """The best of the reachable twists that allow a stop.
 
-    Where the desired twist itself is free for ``preview`` s it is driven. Else the
-    target is where the reference will be by then, and the pace what leads there in that
-    time. Obstacles are taken to stand where they are, as by Fox; the margin stands for
-    his smoothing of the objective. Nothing that stands is ever touched.
+    If the desired twist itself is free for ``preview`` s it is driven. Else the target
+    is the position of the reference by then, and the pace the speed that reaches it in
+    that time. Obstacles are taken as static, as by Fox; the margin replaces his
+    smoothing of the objective. Static obstacles are never touched.
 
     Attributes:
         heading: Weight of the heading towards the target.
-        clearance: Weight of the free way along the arc.
+        clearance: Weight of the free length of the arc.
         velocity: Weight of the forward speed.
-        look: s after which the heading is judged.
-        reach: m; a longer free way is not worth more.
-        margin: To keep on the way, in r_min of what stands.
+        look: s after which the heading counts.
+        reach: m; free length of full score.
+        margin: Required distance on the arc, in r_min of static obstacles.
         preview: s.
     """
 

@@ -41,37 +41,37 @@ from qpavoid.types import (
 )
 
 TICK = 0.1
-"""s; of a roll-out, and between two plans."""
+"""s; of a roll-out, and period of planning."""
 
-HELD = 5
-"""Ticks for which noise is held: white noise hardly turns a robot."""
+HELD_FOR = 5
+"""Ticks for which noise is held: white noise would hardly turn a robot."""
 
 CONTACT = 1e3
-"""Cost of a tick in contact, and of all ticks after it."""
+"""Cost per tick from the first contact on."""
 
 
 @dataclass(frozen=True)
 class MppiController:
     """MPPI over twists: noisy copies of the last plan, averaged by their cost.
 
-    A sample costs, per tick, the square of its distance from the reference, its heading
-    error, its depth within r_min of anything (polygon footprint; what moves and turns
-    goes on), and contact. The new plan is the mean of all samples weighted by
+    A sample costs, per tick, the squared distance from the reference, its heading
+    error, its depth within r_min of any obstacle (polygon footprint; obstacles move and
+    turn on), and contact. The new plan is the mean of all samples weighted by
     exp(−cost/λ); the base distribution is the last plan's, so that noise itself costs
-    nothing. Two samples are the desired twist held, and standing still. An answer that
-    comes within r_min is ``relaxed``. Where nothing can come near within the horizon,
-    the desired twist is driven.
+    nothing. Two samples are the desired twist held, and standing still. A plan within
+    r_min is ``relaxed``. If no obstacle can be reached within the horizon, the desired
+    twist is driven.
 
     Attributes:
         robot: Footprint and limits.
         settings: Radii and control step.
-        samples: How many.
+        samples: Number of samples.
         ticks: Of the horizon, 0.1 s each.
         temperature: λ.
         noise_v: Standard deviation, m/s.
         noise_omega: Standard deviation, rad/s.
         heading: Cost of 1 − cos of the heading error, m².
-        nearness: Cost of a depth of 1 m within r_min, a tick.
+        nearness: Cost per tick of a depth of 1 m within r_min.
         seed: Of the noise; each run starts with it.
     """
 
@@ -114,7 +114,7 @@ class MppiController:
         return stepping(self.robot, self.settings.dt, (v, omega), plan, TICK)
 
     def judgement(self, obstacles: Obstacles, context: StepContext) -> "Judgement":
-        """Return what the samples of this step are judged by."""
+        """Return the context of the samples' cost in this step."""
         discs = wide_discs(obstacles, self.settings)
         soonest = soonest_reached(self.robot, discs, context.driven[0])
         order = np.argsort(soonest, kind="stable")
@@ -132,27 +132,27 @@ class MppiController:
 
     def draw(self, rng: np.random.Generator, twists: Array, desired: Twist) -> Array:
         """Return samples (n, 2·ticks): the last plan, and noisy copies of it."""
-        blocks = math.ceil(self.ticks / HELD)
+        blocks = math.ceil(self.ticks / HELD_FOR)
         noise = rng.standard_normal((self.samples, blocks, 2))
         noise *= self.noise_v, self.noise_omega
         noise[0] = 0.0
-        samples: Array = twists + np.repeat(noise, HELD, axis=1)[:, : self.ticks]
+        samples: Array = twists + np.repeat(noise, HELD_FOR, axis=1)[:, : self.ticks]
         samples[1], samples[2] = desired, 0.0
         return samples.reshape(self.samples, -1)
 
 
 class Judgement(NamedTuple):
-    """What samples are judged by.
+    """Context of the cost of samples.
 
     Attributes:
         edges: Of the footprint.
-        robot: As :attr:`qpavoid.model.robot.Robot.limit_vector` gives it.
-        discs: (m, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them, in
-            the order in which they can be reached.
-        soonest: (m,) When: :func:`qpavoid.lab.baselines.drive.soonest_reached`, s.
-        lines: (k, 11) as :func:`qpavoid.lab.baselines.drive.wide_lines` gives them.
-        r_min: Of what stands still, m.
-        reference: (ticks, 3) poses to be at after each tick, robot frame.
+        robot: See :attr:`qpavoid.model.robot.Robot.limit_vector`.
+        discs: (m, 5) of :func:`qpavoid.lab.baselines.drive.wide_discs`, in the order of
+            ``soonest``.
+        soonest: (m,) of :func:`qpavoid.lab.baselines.drive.soonest_reached`, s.
+        lines: (k, 11) of :func:`qpavoid.lab.baselines.drive.wide_lines`.
+        r_min: Of static obstacles, m.
+        reference: (ticks, 3) reference poses after each tick, robot frame.
         weights: Of heading and nearness.
         driven: Twist driven last.
     """
@@ -187,7 +187,7 @@ def rollout(
 ) -> None:
     """Fill cost (n,) and greatest depth within r_min (n,), m, of samples (n, 2·ticks).
 
-    Their twists, one after another, are cut to the robot's limits in place.
+    The samples are cut to the robot's limits in place.
     """
     reference, weights, ticks = by.reference, by.weights, by.reference.shape[0]
     for i in range(samples.shape[0]):
@@ -204,8 +204,7 @@ def rollout(
             depth = depth_within(by, (x, y, heading), (k + 1) * TICK)
             cost, deepest = cost + weights[1] * depth, max(deepest, depth)
             if depth > by.r_min:
-                # As if it stayed in contact: what touches late is better than what
-                # touches soon.
+                # As if it stayed in contact: a later contact costs less.
                 cost += CONTACT * (ticks - k)
                 break
         costs[i], depths[i] = cost, deepest
@@ -229,11 +228,11 @@ def average(
 ) -> None:
     """Fill the mean (2·ticks,) of samples (n, 2·ticks) weighted by exp(−cost/λ).
 
-    In this order on every processor: a last digit turns the robot another way in a
-    crowd, and the sums of a library of matrices depend on where they run.
+    In the same order on every processor, since rounding can change the robot's path in
+    a crowd; sums of a matrix library depend on the processor.
     """
     many, size = samples.shape
-    # Less the least, which the quotient does not see: else all would be exp(−1000).
+    # Relative to the least cost, which cancels: else all weights would underflow.
     least, total = math.inf, 0.0
     for i in range(many):
         least = min(least, costs[i])
@@ -250,9 +249,9 @@ def average(
 
 @compiled_once
 def depth_within(by: Judgement, pose: Pose, time: float) -> float:
-    """Return how deep a footprint at a pose is within r_min of anything, m; 0: not.
+    """Return the depth of a footprint at a pose within r_min of any obstacle, m, ≥ 0.
 
-    Everything has moved on for ``time`` s.
+    Obstacles have moved for ``time`` s.
     """
     (x, y, heading), edges, lines = pose, by.edges, by.lines
     circumradius = limits_of(by.robot).circumradius

@@ -1,4 +1,8 @@
-"""Nonlinear model predictive control of the unicycle, with its polygon footprint."""
+"""Nonlinear model predictive control of a unicycle with a polygon footprint.
+
+And with discrete-time control barrier functions [Zeng2021]; both in CasADi
+[Andersson2019].
+"""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -12,7 +16,7 @@ import numpy as np
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines.drive import (
-    VIOLATED,
+    RELAXED_FROM,
     body_discs,
     out_of_reach,
     reference_ahead,
@@ -38,16 +42,16 @@ IPOPT: Mapping[str, Any] = {
     "mu_strategy": "adaptive",
 }
 
-ROUND = 1e-12
-"""m², below a root, which has no derivative at 0: where a point lies on an edge, or the
-centres of two discs on each other."""
+ROOT_FLOOR = 1e-12
+"""m², added below a root, which has no derivative at 0: for a point on an edge, or the
+centres of two discs at one point."""
 
 BodyPoints: TypeAlias = tuple[tuple[float, float], ...]
-"""Vertices of the footprint, m; or discs that hold it: x of the centre, radius, m."""
+"""Vertices of the footprint, m; or discs that cover it: x of the centre, radius, m."""
 
 
 class Keep(NamedTuple):
-    """What keeps clear: h(k) ≥ (1 − γ) h(k − 1) for every barrier h of a stage.
+    """Barrier constraints: h(k) ≥ (1 − γ) h(k − 1) for every barrier h of a stage.
 
     Attributes:
         barriers: Returns all h (m) of the body at a pose and a disc x, y, R, symbolic.
@@ -63,7 +67,7 @@ class Keep(NamedTuple):
 class Program(NamedTuple):
     """A solver with the bounds of its unknowns and of its constraints.
 
-    Unknowns: poses 1 … N, twists 0 … N − 1, a slack a stage. Parameters: the
+    Unknowns: poses 1 … N, twists 0 … N − 1, one slack per stage. Parameters: the
     reference's poses, its twist, the twist driven last, the discs of all stages.
     """
 
@@ -100,11 +104,11 @@ def make_program(
     """Return IPOPT for the problem of :class:`NmpcController`.
 
     Args:
-        keep: What keeps clear of the discs.
+        keep: Barrier constraints.
         limits: Of the robot.
         stages: N of the horizon.
         tick: s, of a stage.
-        nearest: Discs a stage.
+        nearest: Discs per stage.
         weights: Of heading, effort, last stage and slack.
     """
     poses, twists = ca.SX.sym("poses", 3, stages), ca.SX.sym("twists", 2, stages)
@@ -153,11 +157,11 @@ def make_program(
 def kept_clear(
     keep: Keep, around: tuple[Any, Any, Any], k: int, i: int, tick: float
 ) -> list[Any]:
-    """Return what must not be negative at a stage, m: h(k) − (1 − γ) h(k − 1).
+    """Return the constraints of a stage, m: h(k) − (1 − γ) h(k − 1) ≥ 0.
 
     Args:
-        keep: What keeps clear.
-        around: Poses of all stages, those before them, and the discs.
+        keep: Barrier constraints.
+        around: Poses of all stages, the poses before them, and the discs.
         k: The stage.
         i: The disc.
         tick: s, of a stage.
@@ -192,7 +196,7 @@ def disc_barriers(body: BodyPoints, pose: Any, disc: Any) -> list[Any]:
     cos, sin = ca.cos(pose[2]), ca.sin(pose[2])
     off = [(pose[0] + x * cos - disc[0], pose[1] + x * sin - disc[1]) for x, _ in body]
     return [
-        ca.sqrt(o_x**2 + o_y**2 + ROUND) - radius - disc[2]
+        ca.sqrt(o_x**2 + o_y**2 + ROOT_FLOOR) - radius - disc[2]
         for (o_x, o_y), (_, radius) in zip(off, body, strict=True)
     ]
 
@@ -217,18 +221,18 @@ def polygon_distance(vertices: BodyPoints, pose: Any, p: Any) -> Any:
         past = along - ca.fmin(ca.fmax(along, 0.0), length)
         square = ca.fmin(square, across**2 + past**2)
         beyond = ca.fmax(beyond, across)
-    # Outside the nearest edge counts, inside the least deep one.
-    return ca.if_else(beyond > 0.0, ca.sqrt(square + ROUND), beyond)
+    # Outside the nearest edge, inside the least deep one.
+    return ca.if_else(beyond > 0.0, ca.sqrt(square + ROOT_FLOOR), beyond)
 
 
 class Trajectory(NamedTuple):
-    """A plan, seen from where the robot was when it was made.
+    """A plan, in the robot frame of its beginning.
 
     Attributes:
         poses: (N + 1, 3) x, y (m), heading (rad); the first is the robot's own.
         twists: (N, 2) v, ω.
         depth: Greatest within r_min, m.
-        cost: What it costs.
+        cost: Of the program.
     """
 
     poses: Array
@@ -242,32 +246,32 @@ class NmpcController:
     """NMPC with the polygon footprint: multiple shooting, solved by IPOPT.
 
     Minimises the tracking error of the predicted reference and the difference from its
-    twist over the horizon, subject to the unicycle (midpoint rule), the limits, and
-    to the exact distance of the polygon from the nearest few discs of every stage,
-    where they will then be: at least radius + r_min, less a slack per stage that costs
-    ``penalty`` per metre. Walls and polygons are points 0.2 m apart, each with its own
-    velocity. Planned every 0.1 s, from the last plan, and held in between. Where that
-    plan is held up, two swerves and standing still are other starts, and the cheapest
-    answer counts. An answer with slack is ``relaxed``; one with more than r_min of it,
-    which may touch, counts as failed. If none is left the robot brakes (``stopped``).
-    Where nothing can come near within the horizon, the desired twist is driven.
+    twist over the horizon, subject to the unicycle (midpoint rule), the limits, and to
+    the exact distance of the polygon from the predicted nearest few discs of every
+    stage: at least radius + r_min, minus a slack per stage that costs ``penalty`` per
+    metre. Walls and polygons are points 0.2 m apart, each with its own velocity.
+    Planned every 0.1 s, from the last plan, and held in between. If that plan ends too
+    early, two swerves and standing still are other starts, and the cheapest solution
+    counts. A solution with slack is ``relaxed``; one with a slack above r_min, which
+    may touch, is rejected. Without a solution the robot brakes (``stopped``). If no
+    obstacle can be reached within the horizon, the desired twist is driven.
 
-    The rule that an answer that may touch has failed came of a run that drove through a
-    wall, which no weight cured.
+    Solutions that may touch are rejected since a run drove through a wall, which no
+    weight prevented.
 
     Attributes:
         robot: Footprint and limits.
         settings: Radii and control step.
         stages: N of the horizon.
         tick: s, of a stage.
-        nearest: Discs a stage.
+        nearest: Discs per stage.
         heading: Weight of 1 − cos of the heading error, m².
         effort: Weight of the squared difference from the reference's twist (ω's part
             times 0.1 m²), s².
         last: Weight of the last stage in stages.
         penalty: Of slack, m.
-        held_up: m that a plan may end away from its reference before it counts as held
-            up.
+        held_up: m; distance of a plan's end from its reference from which on other
+            starts are tried.
     """
 
     robot: Robot
@@ -300,7 +304,7 @@ class NmpcController:
     def starts(
         self, kept: Trajectory | None, reference: Array, desired: Twist
     ) -> Iterator[Trajectory]:
-        """Yield where the search starts: the last plan, and others if held up."""
+        """Yield the starts: the last plan, and others if it ends too early."""
         if kept is None:
             poses = np.vstack([np.zeros(3), reference])
             yield Trajectory(poses, np.tile(desired, (self.stages, 1)))
@@ -312,9 +316,8 @@ class NmpcController:
             np.inf if kept is None else math.dist(kept.poses[-1, :2], reference[-1, :2])
         )
         if off > self.held_up:
-            # Aside and back again, to either side, and standing still: a solver that
-            # descends finds no way round by itself from a plan that ends before the
-            # obstacle.
+            # A swerve to either side, and standing still: from a plan that ends before
+            # the obstacle a descent method finds no path around it.
             limits, half = self.robot.limits, self.stages // 2
             for omega in (0.5 * limits.omega_min, 0.5 * limits.omega_max):
                 twists = np.full((self.stages, 2), (0.5 * limits.v_max, omega))
@@ -330,14 +333,14 @@ class NmpcController:
         reference: Array,
         discs: Array,
     ) -> Trajectory | None:
-        """Return the plan that the solver finds from a start; None where it fails.
+        """Return the solver's plan from a start; None if it fails.
 
         Args:
             program: The solver.
-            start: Where the search begins.
+            start: Initial guess.
             context: Twists of reference and robot.
-            reference: (N, 3) poses to be at.
-            discs: (m, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
+            reference: (N, 3) reference poses.
+            discs: (m, 5) of :func:`qpavoid.lab.baselines.drive.wide_discs`.
         """
         n, near = self.stages, np.empty((self.stages * self.nearest, 5))
         times = self.tick * np.arange(1.0, n + 1.0)
@@ -350,25 +353,25 @@ class NmpcController:
             return None
         poses = np.vstack([np.zeros(3), z[: 3 * n].reshape(n, 3)])
         twists, slack = z[3 * n : 5 * n].reshape(n, 2), float(z[5 * n :].max())
-        if slack > max(wide_still(self.settings), VIOLATED):
+        if slack > max(wide_still(self.settings), RELAXED_FROM):
             return None
         return Trajectory(poses, twists, slack, cost)
 
     def program(self) -> Program:
-        """Return the solver, which all runs of equal settings share."""
+        """Return the solver, shared by all runs of equal settings."""
         weights = self.heading, self.effort, self.last, self.penalty
         shape = self.stages, self.tick, self.nearest
         return make_program(self.keep, self.robot.limits, *shape, weights)
 
     @property
     def keep(self) -> Keep:
-        """What keeps clear of the discs: the polygon."""
+        """Barriers between the obstacles' discs and the polygon."""
         vertices = tuple(map(tuple, self.robot.footprint.vertices.tolist()))
         return Keep(polygon_barriers, vertices)
 
 
 def later(poses: Array, at: Array) -> Array:
-    """Return poses at places between the stages, seen from the first of them."""
+    """Return interpolated poses at fractional stages, in the frame of the first."""
     columns = [np.interp(at, np.arange(len(poses)), column) for column in poses.T]
     (x, *_), (y, *_), (heading, *_) = columns
     cos, sin = math.cos(heading), math.sin(heading)
@@ -378,7 +381,7 @@ def later(poses: Array, at: Array) -> Array:
 
 
 def driven_along(twists: Array, tick: float) -> Trajectory:
-    """Return where twists (N, 2) lead from the robot's pose, by the midpoint rule."""
+    """Return the trajectory of twists (N, 2), by the midpoint rule."""
     heading = np.concatenate([[0.0], np.cumsum(tick * twists[:, 1])])
     halfway = 0.5 * (heading[:-1] + heading[1:])
     steps = tick * twists[:, :1] * np.column_stack([np.cos(halfway), np.sin(halfway)])
@@ -388,21 +391,21 @@ def driven_along(twists: Array, tick: float) -> Trajectory:
 
 @dataclass(frozen=True)
 class MpcCbfController(NmpcController):
-    """MPC-CBF: over a short horizon no barrier may shrink faster than by a share.
+    """MPC-CBF: over a short horizon no barrier may decay faster than by a share.
 
-    The program is that of NMPC (cost, unicycle, limits, slack, IPOPT), but for what
-    keeps clear: h(k) ≥ (1 − γ) h(k − 1) at every stage, for the distance h of each disc
-    of the body from the nearest few obstacles' discs widened by r_min. Theirs is the
-    square of it less that of the radii; γ = 1 asks for h ≥ 0 alone. One start, the last
-    plan: as theirs, it does not look for another way round. Theirs has no slack; here
-    it costs ``penalty`` per metre, as in NMPC.
+    The program is that of NMPC (cost, unicycle, limits, slack, IPOPT), but for the
+    constraints: h(k) ≥ (1 − γ) h(k − 1) at every stage, for the distance h of each disc
+    of the body from the nearest few obstacles' discs inflated by r_min. In the original
+    h is the squared distance minus the squared radii; γ = 1 requires h ≥ 0 only. One
+    start, the last plan, as in the original. There is no slack in the original; here it
+    costs ``penalty`` per metre, as in NMPC.
 
     Attributes:
         stages: N of the horizon, shorter than that of NMPC.
         tick: s, of a stage.
-        held_up: ∞: no plan counts as held up, so that no other start is tried.
+        held_up: ∞: no other start is tried.
         gamma: γ, of a stage.
-        discs: How many hold the body.
+        discs: Number of discs that cover the body.
 
     The others are those of :class:`NmpcController`; values as found on the training
     scenes (``comparisons/results/tuned.toml``), γ = 1 among them.
@@ -419,5 +422,5 @@ class MpcCbfController(NmpcController):
 
     @property
     def keep(self) -> Keep:
-        """What keeps clear of the discs: those of the body."""
+        """Barriers between the obstacles' discs and those of the body."""
         return Keep(disc_barriers, body_discs(self.robot, self.discs), self.gamma)

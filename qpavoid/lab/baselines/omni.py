@@ -1,4 +1,4 @@
-"""An omnidirectional base: the same filter where planar velocity is free."""
+"""Omnidirectional base: the filter with planar velocity as its unknown."""
 
 import math
 from dataclasses import dataclass
@@ -21,11 +21,11 @@ from qpavoid.types import Array, Twist
 
 @dataclass(frozen=True)
 class OmniController:
-    """The nearest planar velocity w = (w_x, w_y) that keeps its distance.
+    """The nearest planar velocity w = (w_x, w_y) that keeps the required distances.
 
-    The paper sets differential drives apart from bases that can move sideways; this is
-    such a base of the same footprint, limits and knowledge, to show what the missing
-    freedom costs. It is another machine, so no method to choose for this robot.
+    A base that can move sideways, with the same footprint, limits and sensing: it shows
+    the cost of the constraint of a differential drive. It is another machine, and no
+    method for this robot.
 
         minimise |w − w_f|²   subject to   d̂ᵀ(w + ω × P_r) ≥ −γ (d − r_min) + d̂ᵀ v_o
 
@@ -41,7 +41,7 @@ class OmniController:
         settings: Radii, γ and control step.
         gain: k, 1/s.
         turn_gain: k_γ, rad/s.
-        reach: m; what is farther away gets no row.
+        reach: Greatest distance of an obstacle with a row, m.
     """
 
     robot: Robot
@@ -84,7 +84,7 @@ class OmniController:
 
         Args:
             obstacles: Robot frame.
-            context: Where the reference is.
+            context: Of the step.
             turn: ω, rad/s.
             lateral: w_y driven last, m/s.
         """
@@ -108,7 +108,7 @@ class OmniController:
         )
 
     def sight(self) -> float:
-        """Return how near an obstacle has to be to get a row, m."""
+        """Return the greatest distance of an obstacle with a row from the origin, m."""
         return self.reach + self.robot.footprint.circumradius
 
     def box(self, driven: Twist) -> tuple[Array, Array]:
@@ -119,7 +119,7 @@ class OmniController:
         return np.maximum(-most, now - step), np.minimum(most, now + step)
 
     def wanted(self, context: StepContext) -> Array:
-        """Return w_f, m/s, robot frame, no faster than the robot can be."""
+        """Return w_f, m/s, robot frame, at most the robot's speed."""
         x, y, heading = context.target
         course = np.array([math.cos(heading), math.sin(heading)])
         wanted = context.reference[0] * course + self.gain * np.array([x, y])

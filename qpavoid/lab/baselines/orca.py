@@ -12,7 +12,7 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import MissingExtraError
 from qpavoid.lab.baselines.drive import (
-    VIOLATED,
+    RELAXED_FROM,
     Baseline,
     Command,
     round_robot,
@@ -25,22 +25,22 @@ from qpavoid.model.obstacles import Obstacles
 from qpavoid.types import Array, Twist
 
 NEIGHBOURS = 60
-"""Nearest points and discs that the library looks at."""
+"""Greatest number of nearest points and discs for the library."""
 
-ASIDE = 0.01
-"""rad by which the preferred velocity is turned, much as in RVO2's examples: perfect
-symmetry then holds no robot up."""
+SYMMETRY_TURN = 0.01
+"""rad by which the preferred velocity is turned, as in RVO2's examples: it breaks
+perfect symmetry."""
 
 SINGLE = 1e-4
-"""m/s; the library counts in single precision."""
+"""m/s; tolerance of the library's single precision."""
 
 
 class Near(NamedTuple):
-    """What RVO2 is told of obstacles, robot frame.
+    """Obstacles for RVO2, robot frame.
 
     Attributes:
-        discs: (n, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
-        still: Corners of what stands, as :func:`by_motion` gives them.
+        discs: (n, 5) of :func:`qpavoid.lab.baselines.drive.wide_discs`.
+        still: Corners of static obstacles, from :func:`by_motion`.
     """
 
     discs: Array
@@ -48,7 +48,7 @@ class Near(NamedTuple):
 
     @property
     def restless(self) -> list[int]:
-        """Discs that a step of RVO2 changes: it stops what moves, and walls push."""
+        """Discs that a step of RVO2 changes: moving ones, and those that walls push."""
         moves = self.discs[:, 3:].any(axis=1) | bool(self.still)
         return [int(k) for k in np.flatnonzero(moves)]
 
@@ -57,23 +57,22 @@ class Near(NamedTuple):
 class OrcaController(Baseline):
     """ORCA for a differential drive by its effective centre [Snape2010].
 
-    The point ``ahead`` of the axle moves with (v, ω·ahead), any way that it likes; it
-    is the agent, and its circle holds the footprint, widened by r_min. Points and discs
-    are agents, walls and polygons that stand are RVO2's obstacles. RVO2 knows none that
-    move: such a wall or polygon is an agent, the disc round its pivot that holds it. It
-    lets each of two agents take half of the evasion. What is met here takes none, so
-    the library is asked ``rounds`` times, each time from the velocity that it found:
-    all but 2^−rounds of it is taken. A velocity beyond the limits is slowed down,
-    direction kept. Where the desired twist needs no evasion it is driven; else the
-    preferred velocity is that to the goal: a reference that waits behind an obstacle
-    would hold ORCA up for good.
+    The point ``ahead`` of the axle moves with (v, ω·ahead) in any direction; it is the
+    agent, and its circle contains the footprint, inflated by r_min. Points and discs
+    are agents, static walls and polygons are RVO2's obstacles. A moving wall or polygon
+    is an agent, the least disc about its pivot. In RVO2 each of two agents takes half
+    of the evasion; obstacles here take none, so the library is called ``rounds`` times,
+    each time from its last velocity: all but 2^−rounds of the evasion is taken. A
+    velocity beyond the limits is scaled down. If the desired twist needs no evasion it
+    is driven; else the preferred velocity is that to the goal, since a reference that
+    waits behind an obstacle would stall ORCA.
 
     Attributes:
         ahead: Effective centre before the axle, m.
         horizon: τ, s, for points and discs.
         horizon_still: τ, s, for walls.
         gain: 1/s; see :meth:`preferred`.
-        rounds: How often the library is asked.
+        rounds: Number of calls of the library.
 
     Raises:
         MissingExtraError: pyrvo is not installed.
@@ -93,7 +92,7 @@ class OrcaController(Baseline):
     def plan(
         self, desired: Twist, obstacles: Obstacles, context: StepContext
     ) -> Command | None:
-        """Return the twist; None where it is the desired one."""
+        """Return the twist; None for the desired one."""
         near = what_is_near(obstacles, self.settings)
         wanted, to_goal = self.velocity(*desired), self.preferred(context)
         fastest = max(map(self.fastest, (wanted, to_goal)))
@@ -103,7 +102,7 @@ class OrcaController(Baseline):
         v, sideways = self.evade(world, context, to_goal, near)
         v, omega = self.slowed(v, sideways / self.ahead)
         lacks = violation(world, self.velocity(v, omega))
-        if lacks > VIOLATED:
+        if lacks > RELAXED_FROM:
             return Command((v, omega), Status.RELAXED, lacks)
         return Command((v, omega))
 
@@ -112,9 +111,9 @@ class OrcaController(Baseline):
         return v, omega * self.ahead
 
     def preferred(self, context: StepContext) -> Twist:
-        """Return the velocity, m/s, that brings the effective centre to the goal's.
+        """Return the velocity, m/s, of the effective centre to the goal's.
 
-        ``gain`` times the way to it, at most full speed, turned a little aside.
+        ``gain`` times the difference, at most full speed, turned by SYMMETRY_TURN.
         """
         x, y, heading = context.goal
         x += self.ahead * (math.cos(heading) - 1.0)
@@ -124,46 +123,46 @@ class OrcaController(Baseline):
             return 0.0, 0.0
         speed = min(self.gain * away, self.robot.limits.v_max)
         x, y = speed * x / away, speed * y / away
-        return x - ASIDE * y, y + ASIDE * x
+        return x - SYMMETRY_TURN * y, y + SYMMETRY_TURN * x
 
     def evade(
         self, world: Any, context: StepContext, wanted: Twist, near: Near
     ) -> Twist:
-        """Return the velocity, m/s, robot frame, that RVO2 finds after ``rounds``.
+        """Return the velocity of RVO2 after ``rounds``, m/s, robot frame.
 
         Args:
-            world: RVO2's simulator, as :meth:`world` returns it.
+            world: RVO2's simulator, from :meth:`world`.
             context: Of the step.
-            wanted: Velocity that the effective centre prefers, m/s, robot frame.
+            wanted: Preferred velocity of the effective centre, m/s, robot frame.
             near: Obstacles.
         """
         velocity = self.velocity(*context.driven)
         for _ in range(self.rounds):
             self.ask(world, near, velocity, wanted)
             before, velocity = velocity, found_by(world)
-            if velocity == before:  # and so would be those of all rounds that are left
+            if velocity == before:  # a fixed point
                 break
         return velocity
 
     def fastest(self, wanted: Twist) -> float:
-        """Return how fast (m/s) RVO2 may have the agent that prefers a velocity."""
+        """Return the greatest speed of RVO2's agent for a preferred velocity, m/s."""
         return max(
             self.robot.limits.v_max, -self.robot.limits.v_min, math.hypot(*wanted)
         )
 
     def world(self, near: Near, radius: float, fastest: float) -> Any:
-        """Return RVO2's simulator of what is near; the robot's disc is agent 0.
+        """Return RVO2's simulator of the obstacles; the robot's disc is agent 0.
 
-        Without walls beyond ``horizon_still``: it does not look at them, but splits
-        near ones along their lines, which says the same unless walls cross.
+        Without walls beyond ``horizon_still``: they have no effect but to split near
+        walls along their lines.
         """
         r_min, sees = wide_still(self.settings), 10.0 * self.horizon
         horizons = self.horizon, self.horizon_still
         agent = sees, NEIGHBOURS, *horizons, radius + r_min, fastest
         sim = library().RVOSimulator(self.settings.dt, *agent)
         sim.add_agent((self.ahead, 0.0), *agent, (0.0, 0.0))
-        # r_min is in their radius and in the robot's: once is enough. They look at
-        # nobody (0 neighbours), so they go on as they do.
+        # r_min would count in both radii: once is enough. With 0 neighbours the agents
+        # keep their velocities.
         for x, y, r, v_x, v_y in near.discs.tolist():
             sim.add_agent((x, y), 0.0, 0, *horizons, r - r_min, fastest, (v_x, v_y))
         reach = radius + r_min + self.horizon_still * fastest
@@ -174,7 +173,7 @@ class OrcaController(Baseline):
         return sim
 
     def ask(self, world: Any, near: Near, velocity: Twist, wanted: Twist) -> None:
-        """Let RVO2 take a step from here: of this velocity, and of one preferred."""
+        """Do a step of RVO2 from a velocity with a preferred one."""
         world.set_agent_max_speed(0, self.fastest(wanted))
         world.set_agent_pref_velocity(0, wanted)
         agents = {0: [self.ahead, 0.0, 0.0, *velocity]}
@@ -185,7 +184,7 @@ class OrcaController(Baseline):
         world.do_step()
 
     def slowed(self, v: float, omega: float) -> Twist:
-        """Return the twist within the limits that moves the same way."""
+        """Return the twist scaled into the limits."""
         limits = self.robot.limits
         v_most = limits.v_max if v > 0.0 else -limits.v_min
         omega_most = limits.omega_max if omega > 0.0 else -limits.omega_min
@@ -196,9 +195,9 @@ class OrcaController(Baseline):
 
 
 def by_motion(obstacles: Obstacles) -> tuple[list[Array], Obstacles]:
-    """Return the corners (n, 2) of walls and polygons that stand, and all else.
+    """Return the corners (n, 2) of static walls and polygons, and the other obstacles.
 
-    The rest are points and discs: those round what moves, too.
+    The others are points and discs: those around moving obstacles, too.
     """
     moves = ~obstacles.is_disc & (obstacles.speeds > 0.0)
     still = obstacles.chosen(~moves)
@@ -211,27 +210,27 @@ def by_motion(obstacles: Obstacles) -> tuple[list[Array], Obstacles]:
 
 
 def what_is_near(obstacles: Obstacles, settings: AvoidanceSettings) -> Near:
-    """Return what RVO2 is told of obstacles."""
+    """Return the obstacles for RVO2."""
     still, rest = by_motion(obstacles)
     return Near(wide_discs(rest, settings), still)
 
 
 def least_way(corners: Array) -> float:
-    """Return how far (m) the box about corners (n, 2) is from the origin."""
+    """Return the distance (m) of the box about corners (n, 2) from the origin."""
     low, high = corners.min(axis=0), corners.max(axis=0)
     return float(np.hypot(*np.maximum(0.0, np.maximum(low, -high))))
 
 
 def found_by(world: Any) -> Twist:
-    """Return the velocity that RVO2 found for the effective centre, m/s."""
+    """Return RVO2's velocity of the effective centre, m/s."""
     velocity = world.get_agent_velocity(0)
     return velocity.x, velocity.y
 
 
 def half_planes(world: Any) -> Iterator[tuple[float, float, float]]:
-    """Yield a, b of what RVO2 allows, a·w ≥ b, of unit a; m/s.
+    """Yield a, b of RVO2's half-planes a·w ≥ b, with unit a; m/s.
 
-    What may be driven lies to the left of a line.
+    Allowed velocities lie to the left of a line.
     """
     for i in range(world.get_agent_num_orca_lines(0)):
         (d_x, d_y), (p_x, p_y) = world.get_agent_orca_line(0, i)
@@ -239,7 +238,7 @@ def half_planes(world: Any) -> Iterator[tuple[float, float, float]]:
 
 
 def violation(world: Any, velocity: Twist) -> float:
-    """Return by how much (m/s) a velocity violates the half-planes; 0: not at all."""
+    """Return the violation of the half-planes by a velocity, m/s, at least 0."""
     x, y = velocity
     return max([0.0, *(b - a_x * x - a_y * y for a_x, a_y, b in half_planes(world))])
 

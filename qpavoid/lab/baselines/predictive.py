@@ -1,4 +1,4 @@
-"""What predictive methods share: obstacles as discs, planning from the last plan."""
+"""Common part of predictive methods: obstacles as discs, start from the last plan."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -10,7 +10,7 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled_once, entry, entry_if
 from qpavoid.lab.baselines.drive import (
     FAILED,
-    VIOLATED,
+    RELAXED_FROM,
     Command,
     line_points,
     stepping,
@@ -31,16 +31,16 @@ from qpavoid.types import (
 )
 
 PERIOD = 0.1
-"""s between two plans."""
+"""s; period of planning."""
 
 
 class Situation(NamedTuple):
-    """What is planned for, robot frame.
+    """Input of a planning step, robot frame.
 
     Attributes:
         desired: Twist of the tracking law.
         context: Reference and goal, and the twist driven last.
-        discs: (m, 5) as :func:`everything_wide` gives them.
+        discs: (m, 5) of :func:`everything_wide`.
     """
 
     desired: Twist
@@ -49,7 +49,7 @@ class Situation(NamedTuple):
 
 
 class Plan(Protocol):
-    """What a solver finds."""
+    """Solution of a planning step."""
 
     @property
     def twists(self) -> Array:
@@ -61,7 +61,7 @@ class Plan(Protocol):
 
     @property
     def cost(self) -> float:
-        """What it costs."""
+        """Cost of the plan."""
 
 
 P = TypeVar("P", bound=Plan)
@@ -76,8 +76,8 @@ def everything_wide(obstacles: Obstacles, settings: AvoidanceSettings) -> Array:
 
 
 def command_of(twist: Twist, depth: float) -> Command:
-    """Return a planned twist, ``relaxed`` where its plan comes within r_min (m)."""
-    if depth > VIOLATED:
+    """Return a planned twist, ``relaxed`` if its plan comes within r_min (m)."""
+    if depth > RELAXED_FROM:
         return Command(twist, Status.RELAXED, shortfall=depth)
     return Command(twist)
 
@@ -91,16 +91,16 @@ def replanning(
 ) -> Step:
     """Return the step of a method that plans every :data:`PERIOD` from its last plan.
 
-    The cheapest plan counts; where there is none the robot brakes (``stopped``).
+    The cheapest plan counts; without one the robot brakes (``stopped``).
 
     Args:
         robot: Footprint and limits.
         settings: Radii and control step.
         last: Twist driven last.
-        is_free: Whether nothing need be planned: the desired twist is then driven, and
-            the last plan forgotten.
-        search: From the last plan, if there is one, to what the solver finds; None
-            where it fails.
+        is_free: Whether no plan is needed: the desired twist is then driven, and the
+            last plan dropped.
+        search: Function from the last plan, or None, to the solver's plans; None for a
+            failure.
     """
     kept: P | None = None
 
@@ -123,8 +123,8 @@ def replanning(
     return stepping(robot, settings.dt, last, plan, PERIOD)
 
 
-FAR = (1e3, 1e3, 0.0, 0.0, 0.0)
-"""An obstacle that is none: x, y, radius, m, and its velocity."""
+NO_DISC = (1e3, 1e3, 0.0, 0.0, 0.0)
+"""Absent obstacle: x, y, radius, m, and velocity."""
 
 
 @entry
@@ -136,7 +136,7 @@ def _nearest_discs_fits(
     at: Vector,
     near: Annotated[MatrixWritten, Sizes(0, 5)],
 ) -> bool:
-    """Return whether each stage has its time."""
+    """Return whether each stage has a time."""
     all_fit: bool = at.shape[0] >= poses.shape[0] - 1
     return all_fit
 
@@ -150,14 +150,14 @@ def nearest_discs(
     at: Vector,
     near: Annotated[MatrixWritten, Sizes(0, 5)],
 ) -> None:
-    """Fill the discs (N·n, 5) nearest to the footprint, as they will be at each stage.
+    """Fill in the discs (N·n, 5) nearest to the footprint at each stage.
 
     Args:
         edges: Of the footprint.
-        discs: (m, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
-        poses: (N + 1, 3) where the robot is expected; the first is that of now.
-        at: (N,) when, s.
-        near: Filled; discs that are not there lie far away.
+        discs: (m, 5) of :func:`qpavoid.lab.baselines.drive.wide_discs`.
+        poses: (N + 1, 3) predicted poses of the robot; the first is the present one.
+        at: (N,) times, s.
+        near: Filled in; absent discs are :data:`NO_DISC`.
     """
     stages = poses.shape[0] - 1
     count = near.shape[0] // stages
@@ -168,7 +168,7 @@ def nearest_discs(
         last, number = -math.inf, -1
         for j in range(k * count, (k + 1) * count):
             least, found = math.inf, -1
-            near[j, 0], near[j, 1], near[j, 2], near[j, 3], near[j, 4] = FAR
+            near[j, 0], near[j, 1], near[j, 2], near[j, 3], near[j, 4] = NO_DISC
             for i in range(discs.shape[0]):
                 radius, v_x, v_y = discs[i, 2], discs[i, 3], discs[i, 4]
                 d_x = discs[i, 0] + time * v_x - x
@@ -177,9 +177,8 @@ def nearest_discs(
                     edges, cos * d_x + sin * d_y, cos * d_y - sin * d_x
                 )
                 gap = touch.distance - radius
-                # The next after the last one found, equal ones by their number: what is
-                # nearest in order, without an array to sort and without taking a disc
-                # twice.
+                # The next after the last one found, equal ones by their number: sorts
+                # without an array and without repetition.
                 if gap < least and (gap > last or (gap == last and i > number)):
                     least, found = gap, i
                     near[j, 0], near[j, 1], near[j, 2] = d_x + x, d_y + y, radius

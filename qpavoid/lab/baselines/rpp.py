@@ -15,44 +15,44 @@ from qpavoid.model.robot import limit_twist
 from qpavoid.types import Array, Twist
 
 TICK, TICKS = 0.1, 40
-"""s, and how many: of the path that is looked for the carrot."""
+"""s, and number: ticks of the path on which the carrot is searched."""
 
 LOOK = (0.3, 0.9)
-"""m; least and greatest way to the carrot: theirs."""
+"""m; least and greatest distance of the carrot: Nav2's."""
 
-ASIDE = 0.785
-"""rad; a carrot farther aside is turned to on the spot: theirs."""
+CARROT_ASIDE = 0.785
+"""rad; bearing of the carrot from which on the robot turns on the spot: Nav2's."""
 
-SLOWEST = 0.25
-"""m/s; curves and what is near slow the robot down no further: theirs."""
+SLOWEST_CURVE = 0.25
+"""m/s; least speed in curves and near obstacles: Nav2's."""
 
 APPROACH = 0.6
-"""m from the goal at which the robot begins to slow down: theirs."""
+"""m from the goal at which the robot begins to slow down: Nav2's."""
 
 DOCKING = 0.25
-"""m from the goal; from there on it is Eq. 6 that brings the robot to its pose. Nav2 is
-content with a place so near."""
+"""m from the goal within which Eq. 6 drives the robot to its pose: Nav2's tolerance of
+the goal."""
 
 IMMINENT = 1.0
-"""s within which the arc to the carrot must be free, else the robot stops: theirs."""
+"""s for which the arc to the carrot must be free, else the robot stops: Nav2's."""
 
 
 @dataclass(frozen=True)
 class PursuitController(Baseline):
-    """A carrot on the path is driven to along an arc, and a monitor slows that down.
+    """Pure pursuit of a carrot on the path, slowed down by a collision monitor.
 
-    The carrot is the first place of the reference (its twist of now held) at least
-    ``look_time`` times the speed away, L. The arc to it has the curvature κ = 2y/L²;
-    the speed is what the reference needs, times ρ/``radius`` in curves of a radius ρ
-    below that and times d/``near`` where anything is nearer than that, d. If the arc
-    meets anything on the way to the carrot, within 1 s, the robot stops.
+    The carrot is the first point of the reference (with its present twist held) at
+    least ``look_time`` times the speed away, L. The arc to it has the curvature
+    κ = 2y/L²; the speed is that of the reference, times ρ/``radius`` in curves of a
+    radius ρ below that and times d/``near`` if an obstacle is nearer than that, d. If
+    the arc to the carrot has a contact within 1 s, the robot stops.
 
-    The collision monitor then multiplies the twist by the least of what its zones say:
-    0 where anything is within ``stop`` m of the footprint, ``share`` within ``slow`` m,
-    and t/``time`` where the footprint would meet something in t < ``time`` (their
-    *approach*). Obstacles are taken to stand where they are, the footprint is the
-    polygon. Left out: Nav2's planner (``astar+rpp`` has one), its recoveries, and
-    reversing. What stands on the path ahead holds the robot up for good.
+    The collision monitor then multiplies the twist by the least factor of its zones: 0
+    if an obstacle is within ``stop`` m of the footprint, ``share`` within ``slow`` m,
+    and t/``time`` if the footprint would have a contact in t < ``time`` (Nav2's
+    *approach*). Obstacles are taken as static, the footprint is the polygon. Left out:
+    Nav2's planner (``astar+rpp`` has one), its recoveries, and reversing. A static
+    obstacle on the path stops the robot for good.
 
     Attributes:
         look_time: s.
@@ -94,10 +94,10 @@ class PursuitController(Baseline):
     def pursued(
         self, path: Array, context: StepContext, distance: float
     ) -> tuple[Twist, float]:
-        """Return the twist to the carrot, and for how long it must be free, s.
+        """Return the twist to the carrot, and the time for which it must be free, s.
 
         Args:
-            path: (n, 3) poses, one a tick.
+            path: (n, 3) poses, one per tick.
             context: Of the step.
             distance: d, of the nearest obstacle, m.
         """
@@ -107,7 +107,7 @@ class PursuitController(Baseline):
         x, y, _ = path[k].tolist()
         angle, limits = math.atan2(y, x), self.robot.limits
         way = max(math.hypot(x, y), TINY)
-        if abs(angle) > ASIDE:
+        if abs(angle) > CARROT_ASIDE:
             omega = min(max(angle / IMMINENT, limits.omega_min), limits.omega_max)
             return (0.0, 2.0 * omega), IMMINENT
         then = min(round(self.look_time / TICK), len(path)) - 1
@@ -115,7 +115,7 @@ class PursuitController(Baseline):
         curvature = 2.0 * y / way**2
         share = min(1.0, 1.0 / max(self.radius * abs(curvature), TINY))
         share *= min(1.0, max(distance, 0.0) / self.near)
-        v = max(share * pace, min(SLOWEST, pace))
+        v = max(share * pace, min(SLOWEST_CURVE, pace))
         v *= min(1.0, math.hypot(*context.goal[:2]) / APPROACH)
         return (v, v * curvature), min(IMMINENT, way / max(v, TINY))
 
@@ -126,7 +126,7 @@ class PursuitController(Baseline):
     def _free(
         self, wanted: Twist, obstacles: Obstacles, context: StepContext, time: float
     ) -> float:
-        """Return for how long, of a time, the footprint meets nothing on a twist, s."""
+        """Return for how long the footprint is free on a twist, ≤ ``time``, s."""
         setup = setup_of(self.robot, self.settings)
         twist = limit_twist(setup.robot, wanted, context.driven, self.settings.dt)
         return free_time(setup, obstacles.arrays, 0.0, twist, time)

@@ -26,14 +26,14 @@ from qpavoid.model.robot import (
 from qpavoid.types import Arrays, Twist
 
 ROUNDING = 1e-9
-"""m; less is no difference."""
+"""m; tolerance of equal distances."""
 
-FINEST = 2e-3
-"""m; the greatest way of a footprint point between two looks at an obstacle."""
+LOOK_STEP = 2e-3
+"""m; greatest motion of a footprint point between two samples of an obstacle."""
 
 
 def setup_of(robot: Robot, settings: AvoidanceSettings) -> Setup:
-    """Return robot and settings as the compiled functions take them."""
+    """Return robot and settings for compiled functions."""
     return Setup(robot.footprint.edges, robot.limit_vector, settings.record())
 
 
@@ -41,15 +41,15 @@ def setup_of(robot: Robot, settings: AvoidanceSettings) -> Setup:
 def time_to_meet(
     setup: Setup, axis: Segment, wanted: float, twist: Twist, end: float
 ) -> float:
-    """Return how long a twist keeps a distance to one obstacle, s.
+    """Return the time for which a twist keeps a distance to one obstacle, s.
 
-    Where it is nearer already: how long it comes no nearer. The next look waits until
-    the fastest footprint point could be too near: conservative advancement.
+    If it is nearer already: the time until it comes nearer. By conservative advancement
+    with the speed of the fastest footprint point.
 
     Args:
         setup: Footprint and limits.
         axis: Of the obstacle, robot frame.
-        wanted: Distance to keep from it, m.
+        wanted: Required distance, m.
         twist: v (m/s), ω (rad/s).
         end: s, at most.
     """
@@ -68,13 +68,13 @@ def time_to_meet(
         if time == 0.0:
             wanted = min(wanted, distance - ROUNDING)
         room = distance - wanted
-        # The last look at which there was room: on the safe side by one step.
+        # The last sample with a margin: conservative by one step.
         if room < 0.0:
             return before
         if time >= end or room >= speed * (end - time):
             return end
         before = time
-        time = min(end, time + max(room, FINEST) / speed)
+        time = min(end, time + max(room, LOOK_STEP) / speed)
 
 
 @entry
@@ -82,9 +82,9 @@ def time_to_meet(
 def free_time(
     setup: Setup, obstacles: Arrays, margin: float, twist: Twist, horizon: float
 ) -> float:
-    """Return how long a twist keeps a margin to everything, at most the horizon; s.
+    """Return the time for which a twist keeps a margin to all obstacles, ≤ horizon; s.
 
-    All are taken to stand where they are, whatever their velocities.
+    Obstacles are taken as static, regardless of their velocities.
 
     Args:
         setup: Footprint and limits.
@@ -102,7 +102,7 @@ def free_time(
     for i in range(capsules.shape[0]):
         axis = capsule_at(capsules, i, 0.0)
         wanted = margin + capsules[i, RADIUS]
-        # How far the first end of a wall is says nothing of its middle.
+        # The distance of a wall's end is no bound of that of its middle.
         near = axis.x1**2 + axis.y1**2 < (radius + wanted + speed * end) ** 2
         if near or has_length(capsules, i):
             end = time_to_meet(setup, axis, wanted, twist, end)
@@ -118,17 +118,17 @@ def brake(robot: Robot, driven: Twist, dt: float) -> Command:
 
 @dataclass(frozen=True)
 class StopController(Baseline):
-    """Drive, drive slowly, or stop, along the desired twist; never another curve.
+    """Drive, drive slowly, or stop, with the curvature of the desired twist.
 
-    The zones are what the footprint, widened by ``margin``, sweeps: within
-    ``slow_time`` on the desired twist (slow zone), and until it could rest on the
-    slowed one (stop zone). So a zone bends with the way, and what stands beside it
-    holds nobody up. Obstacles are taken to stand where they are. Nothing that stands is
-    ever touched: the robot drives only what keeps the margin until it could rest, and
-    else brakes along its arc (the proof is that of :mod:`qpavoid.avoidance.judge`).
+    The zones are swept by the footprint, inflated by ``margin``: within ``slow_time``
+    on the desired twist (slow zone), and until rest on the slowed one (stop zone). A
+    zone bends with the path, and obstacles beside it have no effect. Obstacles are
+    taken as static. Static obstacles are never touched: the robot drives only twists
+    that keep the margin until rest, and else brakes along its arc (the proof is that of
+    :mod:`qpavoid.avoidance.judge`).
 
     Attributes:
-        margin: To keep on the way, in r_min of what stands.
+        margin: Required distance, in r_min of static obstacles.
         slow_time: s.
         slow_share: Share of the desired twist that is driven in the slow zone.
     """

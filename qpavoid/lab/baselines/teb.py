@@ -12,7 +12,7 @@ import numpy as np
 from qpavoid.avoidance.controllers import Step
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines.drive import (
-    VIOLATED,
+    RELAXED_FROM,
     out_of_reach,
     reference_ahead,
     wide_still,
@@ -36,23 +36,23 @@ from qpavoid.model.robot import Limits, Robot
 from qpavoid.types import Array, Pose, Twist
 
 OPTIONS = {**IPOPT, "mu_strategy": "monotone", "nlp_scaling_method": "none"}
-"""From the last band two thirds of the iterations that NMPC's take."""
+"""IPOPT's options; from the last band they take two thirds of NMPC's iterations."""
 
 
-LONGEST = 3.0
-"""Ticks that a ΔT may be long: a longer one would leap over what moves."""
+LONGEST_TICKS = 3.0
+"""Greatest ΔT in ticks: a longer one could skip a moving obstacle."""
 
-SLOWEST = 0.1
-"""m/s and rad/s, at least, of a first guess."""
+SLOWEST_GUESS = 0.1
+"""m/s and rad/s; least speeds of an initial guess."""
 
 
 class Shape(NamedTuple):
-    """Of a band.
+    """Shape of a band.
 
     Attributes:
         stages: n.
         tick: Least ΔT, s.
-        nearest: Discs a pose.
+        nearest: Discs per pose.
     """
 
     stages: int
@@ -60,12 +60,12 @@ class Shape(NamedTuple):
     nearest: int
 
     def within(self, steps: Array) -> Array:
-        """Return ΔT cut to what they may be."""
-        return np.clip(steps, self.tick, LONGEST * self.tick)
+        """Return ΔT clipped to its bounds."""
+        return np.clip(steps, self.tick, LONGEST_TICKS * self.tick)
 
 
 class Weights(NamedTuple):
-    """Of the cost, s² per what stands there.
+    """Weights of the cost, s² per unit given.
 
     Attributes:
         end: Square of the distance of the last pose from the end, m².
@@ -83,14 +83,14 @@ class Weights(NamedTuple):
 
 
 class Band(NamedTuple):
-    """Timed poses, seen from where the robot was when they were planned.
+    """Timed poses, in the robot frame of the time of planning.
 
     Attributes:
         poses: (n + 1, 3) x, y (m), heading (rad); the first is the robot's own.
         twists: (n, 2) v, ω between them.
         steps: (n,) ΔT between them, s.
         slack: (n,) depth within r_min, m.
-        cost: What it costs, s².
+        cost: s².
     """
 
     poses: Array
@@ -111,9 +111,9 @@ def make_band_program(
 ) -> Program:
     """Return IPOPT for the problem of :class:`TebController`.
 
-    Unknowns: poses 1 … n, twists of the pieces before them, a slack a pose, ΔT, and
-    when the poses are reached. Parameters: pose of the end, the twist driven last, the
-    discs of all poses, where they are now.
+    Unknowns: poses 1 … n, twists of the pieces before them, one slack per pose, ΔT, and
+    the times of the poses. Parameters: target pose, the twist driven last, the discs of
+    all poses at their present positions.
     """
     n, tick, near = shape
     poses, twists = ca.SX.sym("poses", 3, n), ca.SX.sym("twists", 2, n)
@@ -162,7 +162,7 @@ def make_band_program(
     return Program(
         ca.nlpsol("teb", "ipopt", problem, options),
         np.concatenate([-free, least, none, np.full(n, tick), none]),
-        np.concatenate([free, greatest, rest, np.full(n, LONGEST * tick), rest]),
+        np.concatenate([free, greatest, rest, np.full(n, LONGEST_TICKS * tick), rest]),
         np.concatenate([np.zeros(4 * n + len(room)), -most]),
         np.concatenate([np.zeros(4 * n), np.full(len(room), np.inf), most]),
     )
@@ -180,15 +180,15 @@ def bow(limits: Limits, shape: Shape, end: Pose, height: float) -> Band:
     back = end[0] < 0.0 and limits.v_min < 0.0
     headings = np.unwrap(np.append(0.0, facing + math.pi * back))
     turns = np.diff(headings)
-    speed = max(min(limits.v_max, limits.wheel_speed), SLOWEST)
-    times = np.abs(turns) / max(limits.omega_max, SLOWEST)
+    speed = max(min(limits.v_max, limits.wheel_speed), SLOWEST_GUESS)
+    times = np.abs(turns) / max(limits.omega_max, SLOWEST_GUESS)
     steps = shape.within(np.maximum(lengths / speed, times))
     twists = np.array([-lengths if back else lengths, turns]).T / steps[:, None]
     return Band(np.vstack([places, headings]).T, twists, steps, np.zeros_like(steps))
 
 
 def shortened(band: Band, shape: Shape, time: float) -> Band:
-    """Return what is left of a band after a time, in as many pieces, from there."""
+    """Return the rest of a band after a time, in as many pieces, in the new frame."""
     times = np.append(0.0, np.cumsum(band.steps))
     left = np.linspace(min(time, 0.5 * times[-1]), times[-1], len(times))
     at = np.interp(left, times, np.arange(len(times), dtype=float))
@@ -197,19 +197,19 @@ def shortened(band: Band, shape: Shape, time: float) -> Band:
 
 
 BOWS = (0.4, 0.8, 1.2, 1.8, 2.6)
-"""m to a side, of the other ways round that are tried."""
+"""m to a side; heights of the bows of other starts."""
 
 WITH_REFERENCE = 0.1
-"""m; a robot that is no farther from its reference is with it."""
+"""m; distance from the reference within which the desired twist may be driven."""
 
 
 class Task(NamedTuple):
-    """What a band is for.
+    """Task of a band.
 
     Attributes:
-        end: Pose to be reached, robot frame.
+        end: Target pose, robot frame.
         driven: Twist driven last.
-        discs: (m, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
+        discs: (m, 5) of :func:`qpavoid.lab.baselines.drive.wide_discs`.
     """
 
     end: Pose
@@ -219,40 +219,39 @@ class Task(NamedTuple):
 
 @dataclass(frozen=True)
 class TebController:
-    """TEB: the quickest band of timed poses to where the reference will be.
+    """TEB: the quickest band of timed poses to a future pose of the reference.
 
     Minimises over poses p_k and times ΔT_k ≥ ``tick``, k = 1 … n,
 
         n Σ ΔT_k² + w_e |p_n − e|² + w_g Σ |p_k − e|² + w_θ (1 − cos(θ_n − θ_e))
         + w_s Σ |u_k − u_(k−1)|² + w_r Σ max_j(0, R_j − d(p_k, o_j + t_k ȯ_j)),
 
-    with u_k the twist between poses, t_k = ΔT_1 + … + ΔT_k, and ΔT_k ≤ 3 ``tick``, lest
-    a band leap over what moves; subject to the unicycle between the poses (midpoint
-    rule), and to the limits of v, ω, wheels and accelerations, from the twist driven
-    last to rest at the end. d is the exact distance of the polygon from the nearest few
-    discs of every pose, R = radius + r_min; walls and polygons are points 0.2 m apart.
-    e is where the reference is in ``horizon`` s, or the goal: the robot may be ahead of
-    it by that. Planned every 0.1 s from the last band; where something is in the
-    straight way, from a bow to the other side of it too (to both, without a last band),
-    and the cheaper answer counts: at most two of their homotopy classes. A band within
-    r_min is ``relaxed``, one that may touch counts as failed; if none is left the robot
-    brakes (``stopped``). Where nothing can come near and the robot is with its
-    reference, the desired twist is driven.
+    with u_k the twist between poses, t_k = ΔT_1 + … + ΔT_k, and ΔT_k ≤ 3 ``tick``, so
+    that no band skips a moving obstacle; subject to the unicycle between the poses
+    (midpoint rule), and to the limits of v, ω, wheels and accelerations, from the twist
+    driven last to rest at the end. d is the exact distance of the polygon from the
+    nearest few discs of every pose, R = radius + r_min; walls and polygons are points
+    0.2 m apart. e is the pose of the reference in ``horizon`` s, or the goal: the robot
+    may be ahead of the reference by that. Planned every 0.1 s from the last band; if an
+    obstacle is in the straight path, also from a bow to the other side of it (to both,
+    without a last band), and the cheaper solution counts: at most two homotopy classes.
+    A band within r_min is ``relaxed``, one that may touch is rejected; without a
+    solution the robot brakes (``stopped``). If no obstacle can be reached and the robot
+    is at its reference, the desired twist is driven.
 
-    In tables it gets the footprint as a polygon. Theirs turns all constraints into
-    penalties, for Levenberg-Marquardt, which was tried and was slower; IPOPT solves the
-    same with hard ones but for the obstacles. Left out: poses that come and go with the
-    length (n is fixed for the solver; ΔT_k ≥ ``tick`` keeps a short band looking ahead,
-    and w_g gathers its poses at the end), more classes, via-points and the preference
-    for driving forwards (weights to tune, off or small by default), and costmaps (it is
-    given the obstacles themselves).
+    The original turns all constraints into penalties, for Levenberg-Marquardt, which
+    was tried and was slower; IPOPT solves the problem with hard constraints but for the
+    obstacles. Left out: insertion and removal of poses (n is fixed for the solver;
+    ΔT_k ≥ ``tick`` keeps the preview of a short band, and w_g gathers its poses at the
+    end), more classes, via-points and the preference for driving forwards (weights to
+    tune, off or small by default), and costmaps (it uses the obstacles themselves).
 
     Attributes:
         robot: Footprint and limits.
         settings: Radii and control step.
         stages: n.
         tick: Least ΔT_k, s.
-        nearest: Discs a pose.
+        nearest: Discs per pose.
         horizon: Of the reference, s.
         end: w_e, s²/m².
         gather: w_g, s²/m².
@@ -290,7 +289,7 @@ class TebController:
         return replanning(self.robot, self.settings, (v, omega), is_free, search)
 
     def starts(self, kept: Band | None, task: Task) -> Iterator[Band]:
-        """Yield where the search starts: the last band, and the other way round."""
+        """Yield the starts of the search: the last band, and the other passing side."""
         straight = self.bow(task.end, 0.0)
         if kept is not None:
             kept = shortened(kept, self.shape, PERIOD)
@@ -300,8 +299,7 @@ class TebController:
         sides = [1.0, -1.0]
         if kept is not None:
             yield kept
-            # The last band runs on the side of the straight way on which its poses lie
-            # in sum: the sign of the cross product.
+            # Side of the last band: the sign of the summed cross products.
             (x, y, _), (x_k, y_k, _) = task.end, kept.poses.sum(axis=0)
             sides.remove(1.0 if x * y_k >= y * x_k else -1.0)
         for side in sides:
@@ -314,14 +312,14 @@ class TebController:
         return bow(self.robot.limits, self.shape, end, height)
 
     def near(self, band: Band, task: Task, count: int) -> Array:
-        """Return the ``count`` discs nearest to each pose (n · count, 5), then."""
+        """Return the ``count`` discs nearest to each pose, (n · count, 5)."""
         near = np.empty((self.stages * count, 5))
         edges, times = self.robot.footprint.edges, np.cumsum(band.steps)
         nearest_discs(edges, task.discs, band.poses.copy(), times, near)
         return near
 
     def room(self, band: Band, task: Task) -> float:
-        """Return the least distance of a band beyond r_min, m."""
+        """Return the least margin of a band (clearance − r_min), m."""
         edges, least = self.robot.footprint.edges, math.inf
         near = self.near(band, task, 1)[:, :3].tolist()
         for pose, (x, y, radius) in zip(band.poses[1:].tolist(), near, strict=True):
@@ -332,10 +330,10 @@ class TebController:
         return least
 
     def solve(self, program: Program, start: Band, task: Task) -> Band | None:
-        """Return the band that the solver finds from another; None where it fails."""
+        """Return the solver's band from a start; None if it fails."""
         n, times = self.stages, np.cumsum(start.steps)
         near = self.near(start, task, self.nearest)
-        # Back to where they are now: the program moves them on by its own times.
+        # At their present positions: the program moves them by its own times.
         near[:, :2] -= np.repeat(times, self.nearest)[:, None] * near[:, 3:]
         x = start.poses[1:], start.twists, start.slack, start.steps, times
         given = [np.array(task.end), np.array(task.driven), near.ravel()]
@@ -343,13 +341,13 @@ class TebController:
         if not len(z):
             return None
         poses, twists, slack, steps, _ = np.split(z, np.cumsum([3, 2, 1, 1]) * n)
-        if slack.max() > max(wide_still(self.settings), VIOLATED):
+        if slack.max() > max(wide_still(self.settings), RELAXED_FROM):
             return None
         poses = np.vstack([np.zeros(3), poses.reshape(n, 3)])
         return Band(poses, twists.reshape(n, 2), steps, slack, cost)
 
     def program(self) -> Program:
-        """Return the solver, which all runs of equal settings share."""
+        """Return the solver, shared by all runs of equal settings."""
         vertices = tuple(map(tuple, self.robot.footprint.vertices.tolist()))
         weights = Weights(
             self.end, self.gather, self.heading, self.smooth, self.penalty
@@ -358,5 +356,5 @@ class TebController:
 
     @property
     def shape(self) -> Shape:
-        """Of the band."""
+        """Shape of the band."""
         return Shape(self.stages, self.tick, self.nearest)

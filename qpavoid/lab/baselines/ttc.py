@@ -17,37 +17,36 @@ from qpavoid.model.robot import limit_twist, twist_box
 from qpavoid.types import Box, Discs, Edges, Twist
 
 TOUCH = 1e-3
-"""m; so near is a collision: the time is found by conservative advancement."""
+"""m; distance that counts as a collision in conservative advancement."""
 
 OUT = 0.01
-"""m; a disc that is met already is shrunk until it is so far off: theirs."""
+"""m; distance to which a disc in contact is shrunk: the original's."""
 
 SMALL = 1e-5
 """s, m/s and rad/s: differences for the derivatives of the distance."""
 
-FLAT = 1e-5
-"""Of |g|²: no subgradient counts as flatter, lest a step on a plateau be without end;
-the box cuts what is still too long."""
+FLATTEST = 1e-5
+"""Least |g|², so that a step on a plateau is bounded; the box cuts longer ones."""
 
 STEEPEST = 1e-2
-"""m/s; a disc that is grazed more slowly counts as approached at this speed."""
+"""m/s; least approach speed of a disc, for grazing contacts."""
 
 FASTEST = 10.0
-"""m/s and rad/s; nothing faster is tried, where the robot has no limit."""
+"""m/s and rad/s; greatest twist that is tried for a robot without limits."""
 
 
 class Problem(NamedTuple):
-    """What a twist is judged by.
+    """Context of the cost of a twist.
 
     Attributes:
         edges: Of the footprint.
         circumradius: m.
-        discs: (m, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
+        discs: (m, 5) of :func:`qpavoid.lab.baselines.drive.wide_discs`.
         target: x, y, robot frame, m.
-        preview: s after which the robot is to be there.
+        preview: s after which the robot should be there.
         horizon: s; later collisions do not count.
         weight: k_ttc, m s.
-        box: What can be driven.
+        box: Admissible twists.
     """
 
     edges: Edges
@@ -74,9 +73,9 @@ def gap(by: Problem, i: int, twist: Twist, time: float) -> float:
 @entry
 @compiled_once
 def first_met(by: Problem, twist: Twist) -> tuple[float, int]:
-    """Return when a twist meets the first disc (s, at most the horizon), and which.
+    """Return the time to collision of a twist (s, at most the horizon), and the disc.
 
-    −1: none. What is within :data:`TOUCH` and comes nearer is met at once.
+    −1: none. A disc within :data:`TOUCH` that approaches is a collision at once.
     """
     end, first = by.horizon, -1
     for i in range(by.discs.shape[0]):
@@ -87,8 +86,7 @@ def first_met(by: Problem, twist: Twist) -> tuple[float, int]:
         if away >= speed * end:
             continue
         while time < end:
-            # Near and coming nearer: a twist that leads away from what is touched is
-            # free.
+            # Near and approaching: a twist away from a contact is free.
             room = gap(by, i, twist, time)
             if room <= TOUCH and gap(by, i, twist, time + SMALL) < room:
                 end, first = time, i
@@ -117,7 +115,7 @@ def cost_of(by: Problem, twist: Twist) -> tuple[float, float, float]:
     if i >= 0:
         met = max(met, TOUCH)
         room = gap(by, i, twist, met)
-        # A disc that is only grazed has ∂f/∂t = 0, and t_c has no derivative there.
+        # For a grazed disc ∂f/∂t = 0, and t_c has no derivative.
         rate = min((gap(by, i, twist, met + h) - room) / h, -STEEPEST)
         cost += by.weight / met
         share = by.weight / (met * met) / rate
@@ -129,7 +127,7 @@ def cost_of(by: Problem, twist: Twist) -> tuple[float, float, float]:
 @entry
 @compiled_once
 def descend(by: Problem, start: Twist, steps: int) -> tuple[float, float, float]:
-    """Return the least cost that subgradient descent from a twist finds, its v and ω.
+    """Return the least cost found by subgradient descent from a twist, its v and ω.
 
     Polyak's step with an unknown optimum, (C − C_best + γ_k)/|g|², γ_k = 10/(10 + k),
     then cut to the box.
@@ -142,24 +140,24 @@ def descend(by: Problem, start: Twist, steps: int) -> tuple[float, float, float]
         cost, g_v, g_o = cost_of(by, (v, omega))
         if cost < best:
             best, best_v, best_omega = cost, v, omega
-        size = (cost - best + 10.0 / (10.0 + k)) / max(g_v * g_v + g_o * g_o, FLAT)
+        size = (cost - best + 10.0 / (10.0 + k)) / max(g_v * g_v + g_o * g_o, FLATTEST)
         v, omega = v - size * g_v, omega - size * g_o
     return best, best_v, best_omega
 
 
 @dataclass(frozen=True)
 class TimeToCollisionController(Baseline):
-    """The constant twist that trades the way to the target against the collision.
+    """The constant twist that trades the distance to the target against the collision.
 
-    Minimises |p(t_p) − target| + k_ttc/t_c over twists, the target where the reference
-    will be in t_p, t_c when the footprint would come within r_min of anything that goes
-    on as now. The descent is theirs, by implicit differentiation, and starts from the
-    twist driven last, from rest and from the desired one turned to either side. Only
-    the collision that comes first counts (their ``find_all_ttcs = false``: a wall is
-    many points here, 0.2 m apart). Theirs knows discs alone; here the robot is its
-    polygon. Left out: descent directions that remember the last (theirs, CFM), and
-    reciprocity. Nothing is constrained: what cannot be avoided is met late. Where the
-    desired twist meets nothing within the horizon it is driven.
+    Minimises |p(t_p) − target| + k_ttc/t_c over twists; the target is the reference in
+    t_p, t_c the time at which the footprint comes within r_min of an obstacle of
+    constant velocity. The descent is the original's, by implicit differentiation, and
+    starts from the twist driven last, from rest and from the desired one turned to
+    either side. Only the first collision counts (``find_all_ttcs = false``: a wall is
+    many points here, 0.2 m apart). The original has discs only; here the robot is its
+    polygon. Left out: momentum of the descent (CFM), and reciprocity. Without
+    constraints an unavoidable collision is delayed. If the desired twist has no
+    collision within the horizon it is driven.
 
     Attributes:
         weight: k_ttc, m s.
@@ -192,12 +190,12 @@ class TimeToCollisionController(Baseline):
         return Command((v, omega))
 
     def problem(self, obstacles: Obstacles, context: StepContext) -> Problem:
-        """Return what the twists of a step are judged by."""
+        """Return the context of the cost of the twists of a step."""
         discs = everything_wide(obstacles, self.settings)
         footprint = self.robot.footprint
         for disc in discs:
             room = point_contact(footprint.edges, disc[0], disc[1]).distance
-            # Else t_c = 0 for every twist, and no descent would lead out.
+            # Else t_c = 0 for every twist, and descent fails.
             disc[2] = min(disc[2], room - OUT)
         x, y, _ = reference_ahead(context, self.robot, 1, self.preview)[0].tolist()
         box = twist_box(self.robot.limit_vector, *context.driven, self.settings.dt)

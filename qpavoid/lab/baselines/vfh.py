@@ -24,19 +24,19 @@ from qpavoid.model.robot import Robot
 from qpavoid.types import Array, Matrix, Sizes, Twist, Vector, VectorWritten
 
 SECTORS = 72
-"""Of 5° each."""
+"""Number of sectors, of 5° each."""
 
 WIDE = 16
-"""Sectors; a wider opening is entered along its edge, not in its middle."""
+"""Sectors; a wider opening is entered along its edge instead of its middle."""
 
 COSTS = (5.0, 2.0, 2.0)
-"""Of the way to the target, from the present heading, from the last choice: theirs."""
+"""Weights of the target, the present heading and the last choice: the original's."""
 
 CELL = 0.1
-"""m between points on a wall: their grid."""
+"""m; spacing of points on a wall: the original's grid."""
 
 AT_TARGET = 0.05
-"""m; nearer than this the way to the target is no direction."""
+"""m; distance of the target below which its direction is undefined."""
 
 Flags = npt.NDArray[np.bool_]
 
@@ -54,12 +54,12 @@ def polar_histogram(
     heading: float,
     histogram: Annotated[VectorWritten, Sizes(SECTORS)],
 ) -> None:
-    """Fill the primary polar histogram: for each sector 1 − (d/w)², d the nearest.
+    """Fill in the primary polar histogram: per sector 1 − (d/w)², d the nearest cell.
 
-    Everything known is certain (c = 1), and a sector is as bad as its worst cell. A
-    cell covers the directions in which the robot's circle would meet it; one that is
-    inside the circle covers half a turn. Sector k looks along 2πk/n in a frame that
-    does not turn with the robot.
+    All cells are certain (c = 1), and the worst cell of a sector counts. A cell covers
+    the directions in which the robot's circle would hit it; one inside the circle
+    covers half a turn. Sector k has the direction 2πk/n in a frame that does not turn
+    with the robot.
 
     Args:
         cells: (n, 3) x, y, radius in the robot frame, m.
@@ -92,8 +92,8 @@ def reachable(
 ) -> tuple[float, float]:
     """Return the greatest bearings to the left and to the right, rad, both positive.
 
-    What lies on the circle of radius ``turn`` (m) that the robot drives at present when
-    it turns as fast as it can bars all directions beyond it.
+    A cell on the tightest circle at the present speed, of radius ``turn`` (m), blocks
+    all directions beyond it.
     """
     left = right = math.pi
     for i in range(cells.shape[0]):
@@ -122,8 +122,8 @@ def choose(
 ) -> float:
     """Return the cheapest direction, in sectors; −1 if every one is blocked.
 
-    A narrow opening offers its middle; a wide one both edges, half of :data:`WIDE`
-    inside, and the target if it lies between them. ``blocked`` is 1 or 0 of each.
+    Candidates are the middle of a narrow opening; of a wide one both edges, half of
+    :data:`WIDE` inside, and the target if it lies between them. ``blocked``: 0 or 1.
     """
     start = -1
     for k in range(SECTORS):
@@ -131,7 +131,7 @@ def choose(
             start = k
     if start < 0:
         return target
-    # Round the circle from a sector that is blocked: no opening is cut in two.
+    # Round the circle from a blocked sector: no opening is cut in two.
     best, least, begin = -1.0, math.inf, -1
     for k in range(start + 1, start + SECTORS + 1):
         if blocked[k % SECTORS] == 0.0:
@@ -157,24 +157,24 @@ def choose(
 
 @dataclass(frozen=True)
 class HistogramController:
-    """Steer for the cheapest opening between what is near.
+    """Steering for the cheapest opening between obstacles.
 
-    VFH+ knows round robots: here the circle of ``radius``, which may be less than what
-    holds the footprint, and then corners may touch. Sectors are blocked from
-    ``high`` on, and free again below ``low``; then what lies on the tightest turn at
-    present bars what is behind it. If both the target and the way ahead are free the
-    desired twist is driven. Else the robot turns to the chosen direction in proportion,
-    slower where that is far aside, and where something is near ahead. The target is
-    where the reference will be in ``preview`` s, the pace what leads there in that
-    time; what lies beyond the goal is left out. Velocities do not enter.
+    VFH+ has round robots: here the circle of ``radius``, which may be less than the
+    circumscribed one, and then corners may touch. Sectors are blocked from ``high`` on,
+    and free again below ``low``; then cells on the tightest turn block the directions
+    behind them. If both the target and the direction ahead are free the desired twist
+    is driven. Else the yaw rate is proportional to the bearing of the chosen direction;
+    the speed is lower for large bearings, and near obstacles ahead. The target is the
+    reference in ``preview`` s, the pace the speed that reaches it in that time;
+    obstacles beyond the goal are left out. Velocities are not used.
 
     Attributes:
         robot: Footprint and limits.
         settings: Control step.
-        radius: Of the robot, as a share of the way from the inscribed circle (0) to the
+        radius: Of the robot, from that of the inscribed circle (0) to that of the
             circumscribed one (1), both about the axle's middle.
         margin: Added to it, m.
-        window: w, m; what is farther is not looked at.
+        window: w, m; range of obstacles.
         low: Magnitude below which a sector is free again.
         high: Magnitude from which on a sector is blocked.
         turn: Yaw rate over angle, 1/s.
@@ -210,7 +210,7 @@ class HistogramController:
             window = min(self.window, math.hypot(*context.goal[:2]) + radius)
             cells = grid_cells(obstacles)
             polar_histogram(cells, radius, window, context.pose[2], histogram)
-            # Hysteresis, or a robot would dither at the edge of what counts as blocked.
+            # Hysteresis: else a robot would oscillate at the threshold.
             blocked[:] = histogram >= np.where(blocked, self.low, self.high)
             tightest = abs(context.driven[0]) / max(limits.omega_max, TINY)
             sides = reachable(cells, radius, window, tightest)
@@ -246,7 +246,7 @@ def grid_cells(obstacles: Obstacles) -> Array:
 
 
 def sector(direction: float) -> int:
-    """Return the sector that holds a direction."""
+    """Return the sector of a direction."""
     return round(direction) % SECTORS
 
 
@@ -254,7 +254,7 @@ def barred(heading: float, left: float, right: float) -> Flags:
     """Return the sectors beyond the bearings (rad) that can be reached."""
     angles = np.arange(SECTORS) * (2.0 * math.pi / SECTORS) - heading
     angles -= 2.0 * math.pi * np.ceil((angles - math.pi) / (2.0 * math.pi))
-    behind = np.abs(angles) > math.pi - TINY  # which is reached from either side
+    behind = np.abs(angles) > math.pi - TINY  # reached from either side
     flags: Flags = (angles > left) | (-angles > right)
     flags[behind] = max(left, right) < math.pi
     return flags

@@ -43,11 +43,11 @@ from qpavoid.types import Array, Arrays, Pose, Twist
 Flags: TypeAlias = npt.NDArray[np.bool_]
 Floats: TypeAlias = npt.NDArray[np.float32]
 
-HEAD, FAR, REACH, POST = 6, 1000.0, 10.0, LidarSettings().point_radius
+HEAD, VIEW, REACH, POST = 6, 1000.0, 10.0, LidarSettings().point_radius
 """Numbers of an observation before its rays; in m how far away a goal is seen at most,
 how long a ray is, and what a point is as thick as for it."""
 
-ARRIVED, TOUCHED = 10.0, -10.0
+ARRIVED, TOUCHING = 10.0, -10.0
 """Rewards at the end of an episode, beside one for each metre nearer to the goal."""
 
 
@@ -125,7 +125,7 @@ def observe_slots(setup: Setup, slots: Slots, rows: Array) -> None:
         x, y, turn = tracking_error(task.start, task.goal.pose)
         told[0] = nearest_distance(contacts, nearest)
         told[1] = math.sqrt(x * x + y * y)
-        row[0], row[1] = min(max(x, -FAR), FAR), min(max(y, -FAR), FAR)
+        row[0], row[1] = min(max(x, -VIEW), VIEW), min(max(y, -VIEW), VIEW)
         row[2], row[3] = math.cos(turn), math.sin(turn)
         row[4], row[5] = run.state[0], run.state[1]
         row[HEAD:] = REACH
@@ -191,8 +191,8 @@ class Episodes:
         angles = 2.0 * math.pi * ((np.arange(beams) + 0.5) / max(beams, 1) - 0.5)
         low = np.clip([limits.v_min, limits.omega_min], -GREATEST, 0.0)
         high = np.clip([limits.v_max, limits.omega_max], 0.0, GREATEST)
-        least = np.concatenate([[-FAR, -FAR, -1.0, -1.0], low, np.zeros(beams)])
-        most = np.concatenate([[FAR, FAR, 1.0, 1.0], high, np.full(beams, REACH)])
+        least = np.concatenate([[-VIEW, -VIEW, -1.0, -1.0], low, np.zeros(beams)])
+        most = np.concatenate([[VIEW, VIEW, 1.0, 1.0], high, np.full(beams, REACH)])
         self.action_space = Box(*np.array([low, high], dtype=np.float32))
         self.observation_space = Box(*np.array([least, most], dtype=np.float32))
         self._slots = Slots(
@@ -235,7 +235,7 @@ class Episodes:
         slots.sizes[i], slots.told[i, 2] = (len(points), len(capsules)), 0.0
         slots.points[i, : len(points)] = points
         slots.capsules[i, : len(capsules)] = capsules
-        slots.now[i, loop.FASTEST] = greatest_speed(capsules)
+        slots.now[i, loop.MAX_V] = greatest_speed(capsules)
 
     def follow(self) -> None:
         """Bring what does not keep its velocity to where it is by now."""
@@ -270,7 +270,7 @@ class Episodes:
         observe_slots(self._setup, self._slots, rows)
         touched, told = self._slots.now[:, loop.TOUCHED] > 0.0, self._slots.told
         arrived = self._ends & np.isfinite(self._slots.noted["arrived"]) & ~touched
-        rewards = self._away - told[:, 1] + ARRIVED * arrived + TOUCHED * touched
+        rewards = self._away - told[:, 1] + ARRIVED * arrived + TOUCHING * touched
         info = {"clearance": told[:, 0].copy(), "touched": touched, "arrived": arrived}
         cost = {"cost": self._cost.copy()} if self._filters else {}
         late = {"late": self._steps >= self._most}
@@ -440,7 +440,7 @@ class ScenarioEnv(gymnasium.Env):  # type: ignore[misc]
 
     @property
     def obstacles(self) -> Obstacles:
-        """What the scenario's sensors see now, robot frame; to be read once a step."""
+        """Obstacles of the scenario's sensors, robot frame; read once per step."""
         self._one.want_reset()
         return self._one.episodes.seen(0)
 

@@ -1,1 +1,1 @@
-"""Global plans: a path on an inflated grid, and another one when it is blocked."""
+"""Global planning: a path on an inflated grid, planned again when blocked."""

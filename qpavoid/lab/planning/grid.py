@@ -1,4 +1,4 @@
-"""A grid of what stands in the way, inflated by the robot's size."""
+"""Grid of static obstacles, inflated by the robot's size."""
 
 import math
 from dataclasses import dataclass
@@ -26,16 +26,16 @@ SEARCHES = {
 
 
 def cheapest_way(search: str, costs: Costs, start: Cell, goal: Cell) -> Way:
-    """Return the cells (n, 2) of the cheapest way, both ends included; n = 0: none.
+    """Return the cells (n, 2) of the cheapest path, both ends included; n = 0: none.
 
-    Dijkstra's search looks at every cell that can be reached; A* at those that may lie
-    on a cheaper way, by the least cost from there with all cells free.
+    Dijkstra's search expands all reachable cells; A* uses the least cost with all cells
+    free as heuristic.
 
     Args:
         search: A name of :data:`SEARCHES`.
-        costs: (rows, columns) of a step into each cell, at least 1; 0: no way through.
+        costs: (rows, columns) of a step into each cell, at least 1; 0: blocked.
         start: Row and column.
-        goal: The same.
+        goal: Row and column.
 
     Raises:
         MissingExtraError: tcod is not installed.
@@ -53,10 +53,10 @@ def cheapest_way(search: str, costs: Costs, start: Cell, goal: Cell) -> Way:
 
 
 def length(way: Array) -> float:
-    """Return how long a way is, m.
+    """Return the length of a path, m.
 
     Args:
-        way: (n, 2) places, m.
+        way: (n, 2) positions, m.
     """
     return float(np.hypot(*np.diff(way, axis=0).T).sum())
 
@@ -69,12 +69,12 @@ MOST_CELLS = 16_000_000
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Cells of a square patch of the world, and when something was last seen in each.
+    """Cells of a rectangle of the world, with the last time of an obstacle in each.
 
     Attributes:
         corner: (2,) lower left corner, world frame, m.
         resolution: Side of a cell, m.
-        seen: (rows, columns) s; +∞: it stands on the map, −∞: nothing was seen.
+        seen: (rows, columns) s; +∞: on the map, −∞: never.
     """
 
     corner: Array
@@ -83,7 +83,7 @@ class Grid:
 
     @classmethod
     def around(cls, places: Array, margin: float, resolution: float) -> "Grid":
-        """Return an empty grid that holds places (n, 2), with a margin, both in m.
+        """Return an empty grid around positions (n, 2), with a margin, both in m.
 
         Raises:
             InvalidInputError: It has too many cells.
@@ -96,7 +96,7 @@ class Grid:
         return cls(low, resolution, np.full((int(rows), int(columns)), FORGOTTEN))
 
     def mark(self, obstacles: Obstacles, time: float) -> None:
-        """Note what stands where, world frame, at ``time`` s; what is outside is not.
+        """Mark the grid's cells of obstacles, world frame, at ``time`` s.
 
         Points, walls and edges of polygons mark the cells that they touch, discs and
         polygons those whose middle they cover, and discs the one of their own middle.
@@ -130,9 +130,10 @@ class Grid:
         return np.asarray(self.corner + self.resolution * (cells[:, ::-1] + 0.5))
 
     def clearance(self, since: float) -> Array:
-        """Return how far each cell is from what was seen after ``since`` s, m.
+        """Return the distance of each cell from those marked after ``since`` s, m.
 
-        From its middle to about the border of the nearest marked cell; 0 in such a one.
+        From its middle to about the border of the nearest marked cell; 0 in a marked
+        one.
         """
         from scipy.ndimage import distance_transform_edt
 
@@ -143,7 +144,7 @@ class Grid:
         return np.maximum(far - 0.5 * self.resolution, 0.0)
 
     def copy(self) -> "Grid":
-        """Return a grid that can be marked without a trace in this one."""
+        """Return an independent copy."""
         return Grid(self.corner, self.resolution, self.seen.copy())
 
 

@@ -1,12 +1,12 @@
-"""A path to the goal, planned on what is known, and planned anew when it is blocked.
+"""Global planner: a path to the goal, planned again when it is blocked.
 
 Walls and points of the world are the map, known from the start. Discs, polygons, and
-points of a sensor are known once they are within sight: what stands still is remembered
-for a while, what moves is where it is now. The path is the cheapest way over the grid
-(lower cost farther from obstacles), smoothed and timed like any other reference. A way
-that only something that moves bars is kept, unless there is another one hardly longer:
-else a robot that turned round for a person here, and for the next one there, would go
-to and fro. Where there is no way the robot stands, and another look is taken soon.
+points of a sensor are known once they are within sight: static ones are remembered for
+a while, moving ones are at their present positions. The path is the cheapest one on the
+grid (lower cost farther from obstacles), smoothed and timed like any other reference. A
+path blocked by moving obstacles only is kept, unless another one is hardly longer: else
+a robot that turned back for each person would oscillate. Without a path the robot
+stands, and plans again soon.
 """
 
 import math
@@ -24,11 +24,11 @@ from qpavoid.settings import NOT_NEGATIVE, POSITIVE, check
 from qpavoid.tracking.path import DISTINCT, SplinePath
 from qpavoid.types import Array, Pose
 
-DEAR = 50
-"""Cost of a cell that is too near an obstacle, where the robot stands or is to go."""
+DEAR_CELL = 50
+"""Cost of a cell inside the inflation, near the robot and the goal."""
 
 ROUNDING = 1e-9
-"""s: what was seen just as long ago as the memory reaches is known still."""
+"""s; tolerance of the memory's end for rounding."""
 
 
 @dataclass(frozen=True)
@@ -37,17 +37,16 @@ class PlannerSettings:
 
     Attributes:
         resolution: Side of a cell, m.
-        inflation: What the path keeps from obstacles beyond half of the robot's width
-            and r_min, m.
-        soft: m beyond that within which being near costs more.
-        weight: By how many times more, at most.
-        margin: m that the grid reaches beyond start, goal and map.
-        sight: m; farther away the robot sees nothing, nor looks whether the way is
-            free.
-        memory: s for which something that stands still is remembered.
-        interval: s between two looks whether the way is blocked.
-        astray: m from the path from which on it is planned anew as well.
-        detour: m by which a way round what moves may be longer than the way it bars.
+        inflation: Clearance of the path beyond half of the robot's width and r_min, m.
+        soft: m beyond that within which the cost is higher.
+        weight: Greatest relative increase of the cost.
+        margin: m by which the grid exceeds start, goal and map.
+        sight: Range of the robot's sensors and of the check of the path, m.
+        memory: s for which static obstacles are remembered.
+        interval: s between two checks of the path.
+        astray: Distance from the path from which on it is planned again, m.
+        detour: m by which a path around moving obstacles may be longer than the blocked
+            one.
     """
 
     resolution: Annotated[float, "m", POSITIVE] = 0.1
@@ -62,21 +61,21 @@ class PlannerSettings:
     detour: Annotated[float, "m", NOT_NEGATIVE] = 1.0
 
     def __post_init__(self) -> None:
-        check(self, "a planner wants")
+        check(self, "a planner needs")
 
 
 @dataclass(frozen=True)
 class PlanningProblem:
-    """What is to be planned, and how it is driven.
+    """Planning problem and speeds of the path.
 
     Attributes:
         start: x, y (m), γ (rad).
-        goal: The same.
-        keep: m that its middle keeps from everything.
+        goal: x, y (m), γ (rad).
+        keep: Clearance of the path, m.
         speed: Greatest, m/s.
         turn_rate: Greatest, rad/s.
         acceleration: Greatest, m/s².
-        times: (n,) s from its beginning at which it is sampled.
+        times: (n,) sampling times from its beginning, s.
     """
 
     start: Pose
@@ -89,11 +88,11 @@ class PlanningProblem:
 
 
 class Planner:
-    """A global planner on its way.
+    """State of a global planner.
 
     Args:
         search: Name of the search.
-        problem: From where to where.
+        problem: Start and goal.
         settings: Of the planner.
         chart: The map, world frame: its points and walls.
 
@@ -120,7 +119,7 @@ class Planner:
     def __call__(
         self, time: float, pose: Pose, speed: float, seen: Obstacles
     ) -> Array | None:
-        """Return a new reference (n, 5) from now on; ``None``: the old one holds."""
+        """Return a new reference (n, 5) from now on; ``None``: the old one is kept."""
         if time < self._due:
             return None
         self._due = time + self.settings.interval
@@ -138,25 +137,25 @@ class Planner:
         return None if kept is None else standing(pose, len(self.problem.times))
 
     def _is_longer(self, way: Array | None, kept: Array, pose: Pose) -> bool:
-        """Return whether a way is much longer than what is left of the one kept."""
+        """Return whether a path is much longer than the rest of the kept one."""
         nearest = int(np.hypot(*(kept - pose[:2]).T).argmin())
         most = length(kept[nearest:]) + self.settings.detour
         return way is None or length(way) > most
 
     def _look(self, time: float, pose: Pose, seen: Obstacles, since: float) -> Array:
-        """Return how far every cell is from what is known by now, m."""
+        """Return the distance of every cell from the known obstacles, m."""
         seen = seen.within(self.settings.sight)
         moves, back = seen.speeds > SPEED_AT_REST, _inverse(pose)
         still = seen.chosen(~moves & ~seen.is_wall).seen_from(back)
         moving = Obstacles.of(NO_POINTS, seen.capsules[moves]).seen_from(back)
         self._grid.mark(still, time)
-        # In a copy: where something moves now nothing need be in a moment.
+        # In a copy: moving obstacles are not remembered.
         now = self._grid.copy()
         now.mark(moving, math.inf)
         return now.clearance(since)
 
     def _is_lost(self, route: Array, clearance: Array, pose: Pose) -> bool:
-        """Return whether the way ahead is blocked, or the robot far from it."""
+        """Return whether the path ahead is blocked, or the robot far from it."""
         away = np.hypot(*(route - pose[:2]).T)
         nearest = int(away.argmin())
         if away[nearest] > self.settings.astray:
@@ -164,15 +163,15 @@ class Planner:
         ahead = route[nearest:]
         ahead = ahead[np.hypot(*(ahead - pose[:2]).T) < self.settings.sight]
         rows, columns = self._grid.nearest_cells(ahead).T
-        # A cell less than it was planned with, or rounding to cells would bar it at
-        # once.
+        # One cell less than planned with: rounding to cells must not block the path.
         tight = self.problem.keep + self.settings.inflation - self.settings.resolution
         return bool((clearance[rows, columns] < tight).any())
 
     def _plan(self, clearance: Array, pose: Pose) -> Array | None:
-        """Return the cells' middles (n, 2) of the cheapest way from here, or ``None``.
+        """Return the cells' middles (n, 2) of the cheapest path from here, or ``None``.
 
-        Where the robot stands, and at the goal, being too near is dear, not forbidden.
+        Near the robot and the goal cells inside the inflation are expensive, not
+        blocked.
         """
         keep = self.problem.keep + self.settings.inflation
         costs = costs_of(clearance, keep, self.settings.soft, self.settings.weight)
@@ -182,9 +181,8 @@ class Planner:
         for row, column in cells:
             near = np.hypot(rows - row, columns - column)
             near = near * self.settings.resolution <= keep
-            # Else a robot that was pushed into the inflated zone could plan no way out
-            # of it.
-            costs[near & (costs == 0) & (clearance > 0.0)] = DEAR
+            # Else a robot inside the inflated zone could not leave it.
+            costs[near & (costs == 0) & (clearance > 0.0)] = DEAR_CELL
             costs[row, column] = max(1, costs[row, column])
         start, goal = map(tuple, cells.tolist())
         way = self._grid.places(cheapest_way(self.search, costs, start, goal))
@@ -194,7 +192,7 @@ class Planner:
         return way
 
     def _timed(self, route: Array, speed: float) -> Array:
-        """Return the reference along a route, and then standing at the goal."""
+        """Return the reference along a route, at rest at its end."""
         problem = self.problem
         path = SplinePath(
             route,
@@ -212,7 +210,7 @@ class Planner:
 
 
 def standing(pose: Pose, rows: int) -> Array:
-    """Return the reference (rows, 5) of standing at a pose."""
+    """Return the reference (rows, 5) at rest at a pose."""
     return np.tile([*pose, 0.0, 0.0], (rows, 1))
 
 

@@ -21,10 +21,10 @@ from qpavoid.avoidance.state import fresh_state
 from qpavoid.errors import ConfigError, DataError, UnknownNameError
 from qpavoid.guide.geodesic import CELL
 from qpavoid.guide.rollout import ROWS, TICK
-from qpavoid.guide.room import SPACING, inner_radius, outline
+from qpavoid.guide.room import OUTLINE_SPACING, inner_radius, outline
 from qpavoid.guide.settings import BACK_SPEED, GuideSettings
 from qpavoid.guide.stage import fresh_stage
-from qpavoid.guide.state import BLOCKED
+from qpavoid.guide.state import NO_PATH
 from qpavoid.lab.play.program import Program, program
 from qpavoid.lab.simulation.config import find_config, read_document
 from qpavoid.lab.simulation.methods import OURS, REGISTRY
@@ -47,7 +47,7 @@ GUIDED = "qp-ahead+guide"
 METHODS = {name: REGISTRY[name].description for name in OURS} | {
     GUIDED: "qp-ahead, guided by the coming seconds and round what stalls it"
 }
-"""What the page drives, in its order."""
+"""Methods of the page, in its order."""
 
 SECTIONS: dict[str, type[Any]] = {
     "radius": PARTS["radius"],
@@ -57,7 +57,7 @@ SECTIONS: dict[str, type[Any]] = {
 }
 """Tables of a scenario file that can be set while a robot drives."""
 
-RECORDED = {
+RECORD_NAMES = {
     "weights": ("weight_v", "weight_omega"),
     "acceleration": ("obstacle_acceleration",),
 }
@@ -77,13 +77,13 @@ SIZES = {
     "tick": TICK,
     "cell": CELL,
     "back_speed": BACK_SPEED,
-    "spacing": SPACING,
-    "blocked": BLOCKED,
+    "spacing": OUTLINE_SPACING,
+    "blocked": NO_PATH,
     "ready": READY,
 }
-"""What the page has to know of the compiled functions."""
+"""Array sizes of the compiled functions."""
 
-SHARED = ("dom.js", "pen.js", "panels.js", "charts.js")
+SHARED_SCRIPTS = ("dom.js", "pen.js", "panels.js", "charts.js")
 OWN = (
     *("world.js", "pilot.js", "toml.js", "form.js", "hands.js"),
     *("robots.js", "rules.js", "ranges.js", "words.js", "play.js"),
@@ -160,7 +160,7 @@ def play_page(
         data=as_json(given),
         scripts="\n".join(
             f"<script>{text}</script>"
-            for text in [*map(part, SHARED), classic(program.script), *own]
+            for text in [*map(part, SHARED_SCRIPTS), classic(program.script), *own]
         ),
     )
 
@@ -263,7 +263,7 @@ def entries(section: str, kind: type[Any]) -> Iterator[dict[str, Any]]:
     """Yield what can be set in a table: key, unit, range, default, effect."""
     said = attributes_of(kind)
     for setting in declared(kind):
-        names = RECORDED.get(setting.name, (setting.name,))
+        names = RECORD_NAMES.get(setting.name, (setting.name,))
         if section != "margins" and setting.name == "acceleration":
             names = (setting.name,)
         defaults = (None,) if setting.default is ... else setting.of(setting.default)

@@ -1,1 +1,1 @@
-"""What a robot senses of the world and of itself, and what its wheels do."""
+"""Sensors of the world and of the robot's own state, and wheels."""

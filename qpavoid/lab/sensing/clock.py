@@ -1,15 +1,15 @@
-"""When a sensor with a rate is due."""
+"""Clock of a sensor with a rate."""
 
 import math
 
 from qpavoid.errors import InvalidInputError
 
 SOON = 1e-9
-"""s; what is due within this is due."""
+"""s; tolerance of a tick for rounding."""
 
 
 class Clock:
-    """Ticks at k/rate, and never misses one for the rounding of a time.
+    """Ticks at k/rate, tolerant to rounding of the time.
 
     Args:
         rate: Hz.

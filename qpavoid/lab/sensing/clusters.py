@@ -1,10 +1,10 @@
-"""Moving discs out of scan points: clusters, followed from scan to scan.
+"""Moving discs from scan points: clusters, tracked from scan to scan.
 
 Points nearer to each other than a gap are one cluster. A small cluster becomes its
 smallest enclosing disc [Welzl1991]. From afar nearly half of a disc's outline is seen,
-so that this is a little smaller than the disc and nearer (people of 0.25 m at up to
-6 m: 0.1 m). Clusters are given to known obstacles so that the sum of the distances to
-where these should be is least [Crouse2016].
+so that this is slightly smaller than the disc and nearer (people of 0.25 m at up to
+6 m: 0.1 m). Clusters are assigned to known obstacles with the least sum of distances to
+their predicted positions [Crouse2016].
 """
 
 import math
@@ -22,16 +22,16 @@ from qpavoid.settings import POSITIVE, TABLE, check
 from qpavoid.types import Array, Points
 
 OUTSIDE, OUTSIDE_M = 1e-9, 1e-12
-"""Share of a disc's radius, and m, up to which a point outside is held by it: the two
-or three that it was made of lie on its rim but for rounding."""
+"""Relative and absolute (m) tolerance of a point outside a disc: the two or three that
+define it lie on its rim but for rounding."""
 
 FLAT = 1e-12
-"""Four times the area of three points by their squared distance, up to which they lie
-on a line: the disc through them would be as large as rounding likes."""
+"""Four times the area of three points over their squared distance, below which they
+count as collinear: their circumscribed disc would be arbitrarily large."""
 
 
 def enclosing_disc(points: Array) -> tuple[float, float, float]:
-    """Return x, y and radius (m) of the smallest disc that holds all points (n, 2)."""
+    """Return x, y and radius (m) of the smallest disc around all points (n, 2)."""
     shuffled = np.random.default_rng(0).permutation(points)  # linear expected time
     return smallest_disc(np.ascontiguousarray(shuffled))
 
@@ -39,9 +39,9 @@ def enclosing_disc(points: Array) -> tuple[float, float, float]:
 @entry
 @compiled_once
 def smallest_disc(points: Points) -> tuple[float, float, float]:
-    """Grow the disc of the first points by each that is outside: it is on the rim.
+    """Return x, y and radius (m) of the smallest disc, grown point by point.
 
-    Of no points it is a point.
+    Without points the radius is 0.
     """
     if points.shape[0] == 0:
         return 0.0, 0.0, 0.0
@@ -87,17 +87,17 @@ def _disc_of_three(p: Array, q: Array, r: Array) -> tuple[float, float, float]:
 
 
 COARSE = EstimatorSettings(noise=0.05)
-"""Of discs made of clusters, whose middles move as they turn."""
+"""Settings for discs of clusters, whose centres move as they turn."""
 
 
 @dataclass(frozen=True)
 class ClusterSettings:
-    """What belongs together, and what can move.
+    """Settings of the clustering and of moving clusters.
 
     Attributes:
-        gap: m; points nearer to each other than this are one obstacle.
-        largest: m; a cluster with a greater radius stands still and stays points.
-        reach: m; an obstacle is no farther than this from where it should be.
+        gap: Greatest distance of two points of one obstacle, m.
+        largest: Greatest radius of a tracked cluster, m; larger ones are static points.
+        reach: Greatest distance of an obstacle from its predicted position, m.
         estimation: Of the velocities.
     """
 
@@ -107,11 +107,11 @@ class ClusterSettings:
     estimation: Annotated[EstimatorSettings, TABLE] = COARSE
 
     def __post_init__(self) -> None:
-        check(self, "tracking of clusters wants")
+        check(self, "tracking of clusters needs")
 
 
 class ClusterTracker:
-    """Follows what is seen; the velocities come from :class:`VelocityEstimator`."""
+    """Tracker of clusters, with velocities of :class:`VelocityEstimator`."""
 
     def __init__(self, settings: ClusterSettings | None = None) -> None:
         self.settings = settings if settings is not None else ClusterSettings()
@@ -120,10 +120,10 @@ class ClusterTracker:
         self._named = 0
 
     def update(self, time: float, points: Array) -> Obstacles:
-        """Return the obstacles of a scan: discs with velocities, and large things.
+        """Return the obstacles of a scan: discs with velocities, and static points.
 
         Args:
-            time: When the scan was taken, s. One that comes again changes nothing.
+            time: Of the scan, s. A repeated scan changes nothing.
             points: (n, 2) m, in a frame that is fixed to the ground: the scan's
                 :func:`~qpavoid.model.kinematics.to_world` at the robot's pose.
 
@@ -150,7 +150,7 @@ class ClusterTracker:
         return Obstacles(scan[still], found, motion.velocities)
 
     def _name(self, time: float, centres: Array) -> list[int]:
-        """Return the ids of the clusters, old where one is in reach."""
+        """Return the ids of the clusters, known ones if in reach."""
         from scipy.optimize import linear_sum_assignment
 
         forget = self.settings.estimation.forget
@@ -164,7 +164,7 @@ class ClusterTracker:
         apart = centres[:, None] - np.array(due).reshape(1, -1, 2)
         distance = np.hypot(apart[..., 0], apart[..., 1])
         ids = [-1] * len(centres)
-        # An assignment wants finite costs; pairs out of reach are dropped afterwards.
+        # An assignment needs finite costs; pairs out of reach are dropped afterwards.
         far = np.where(distance <= self.settings.reach, distance, 1e6)
         for row, column in zip(*linear_sum_assignment(far), strict=True):
             if distance[row, column] <= self.settings.reach:

@@ -1,7 +1,7 @@
-"""A planar LiDAR: exact rays to discs, walls and polygons.
+"""Planar LiDAR: exact rays to discs, walls and polygons.
 
-A scan is taken when it is due, at the robot's true pose and all beams at once; what is
-handed out is the newest one that is as old as the latency, moved into the present robot
+A scan is taken when it is due, at the robot's true pose, with all beams at once. The
+output is the newest one at least as old as the latency, moved into the present robot
 frame by the robot's true motion.
 """
 
@@ -37,22 +37,21 @@ NONE_OR_SOME = Range(ge=0.0, le=1e6, allow_inf_nan=False)
 
 @dataclass(frozen=True)
 class LidarSettings:
-    """A sensor.
+    """Settings of a LiDAR.
 
     Attributes:
         field_of_view: rad, symmetric about the sensor's x axis. Each beam points to the
             middle of one of ``beams`` equal sectors.
         beams: Number of beams.
-        range: m; what is farther has no echo.
+        range: Greatest distance of an echo, m.
         rate: Scans a second, Hz.
-        latency: s from a scan until it is known.
+        latency: s from a scan to its output.
         noise: σ of a range, m.
         dropout: Probability that an echo is lost.
         seed: Of noise and dropouts.
         mount: x, y (m), γ (rad) of the sensor in the robot frame.
-        point_radius: m; a point of the world is seen as a post of this radius, since a
-            ray never meets a point.
-        tracks: Make discs with velocities of what moves; else all are points.
+        point_radius: Radius of points of the world, m, since a ray never hits a point.
+        tracks: Whether moving clusters become discs with velocities.
     """
 
     field_of_view: Annotated[float, "rad", ROUND] = 2 * math.pi
@@ -68,15 +67,15 @@ class LidarSettings:
     tracks: bool = False
 
     def __post_init__(self) -> None:
-        check(self, "a LiDAR wants")
+        check(self, "a LiDAR needs")
 
 
 class Lidar:
-    """A sensor at work.
+    """State of a LiDAR.
 
     Attributes:
-        settings: What it is like.
-        taken: s, when the scan that was handed out last was taken; NaN before.
+        settings: Of the sensor.
+        taken: Time of the last scan that was output, s; NaN before.
     """
 
     def __init__(self, settings: LidarSettings | None = None) -> None:
@@ -95,16 +94,15 @@ class Lidar:
         time: float,
         obstacles: Obstacles,
     ) -> Array:
-        """Return the echoes that are known at ``time`` as points (n, 2), robot frame.
+        """Return the echoes available at ``time`` as points (n, 2), robot frame.
 
         Call it in every control step: a scan is taken at the first call at or after
-        k/rate. Until the first one is old enough it is handed out all the same, as if
-        nothing had moved before.
+        k/rate. The first one is output at once, as if all had been at rest before.
 
         Args:
             pose: True x, y (m), γ (rad) of the robot.
             time: s; never runs backwards.
-            obstacles: Where they are at ``time``, world frame.
+            obstacles: At ``time``, world frame.
 
         Raises:
             InvalidInputError: Time runs backwards.
@@ -119,7 +117,7 @@ class Lidar:
         return echoes.seen_from(pose).points
 
     def ranges(self, pose: Pose, obstacles: Obstacles) -> Array:
-        """Return the exact length (m) of every beam now; without an echo its range."""
+        """Return the exact length (m) of every beam; without an echo the range."""
         x, y, heading = self._sensor(pose)
         ranges = np.full(self.settings.beams, float(self.settings.range))
         seen = like(obstacles.arrays)
@@ -137,9 +135,9 @@ class Lidar:
         )
 
     def _measure(self, ranges: Array) -> Array:
-        """Return ranges with noise; NaN where there is no echo or it is lost."""
-        # Noise is drawn for every beam, with an echo or without: what one beam sees
-        # does not shift the noise of the others.
+        """Return ranges with noise; NaN without an echo or after a dropout."""
+        # Noise is drawn for every beam, with an echo or without, so that beams are
+        # independent of each other.
         none = ranges >= self.settings.range
         if self.settings.noise:
             noise = self._random.standard_normal(len(ranges))
@@ -173,7 +171,7 @@ def cast_rays(
     Args:
         beams: (n, 2) unit directions, sensor frame.
         seen: Obstacles in the sensor frame, m.
-        point_radius: What a point is as thick as, m.
+        point_radius: Radius of points, m.
         ranges: (n,) m, changed in place.
     """
     points, capsules = seen

@@ -1,4 +1,4 @@
-"""Where the robot believes it is: motion capture, or UWB fused with odometry.
+"""Localisation: motion capture, or UWB fused with odometry.
 
 The filter of UWB is an extended Kalman filter [Thrun2005] on x, y, γ. It predicts along
 the exact arc of the wheels' twist, whose variance is that of the wheels' slip
@@ -19,13 +19,13 @@ from qpavoid.settings import NO_KEY, NOT_NEGATIVE, POSITIVE, Range, check
 from qpavoid.types import Array, Pose, Twist
 
 Locate: TypeAlias = Callable[[Pose, float, Twist, float], Pose]
-"""Takes the true pose, the time (s), the wheels' twist and how long (s) that was driven
-until now, and gives the pose that is believed."""
+"""Function from the true pose, the time (s), the wheels' twist and its duration (s) to
+the estimated pose."""
 
 
 @dataclass(frozen=True)
 class MotionCapture:
-    """Cameras that see the robot: white noise on the true pose.
+    """Motion capture: white noise on the true pose.
 
     Attributes:
         sigma: Of x and of y, m.
@@ -38,10 +38,10 @@ class MotionCapture:
     seed: Annotated[int, NO_KEY, Range(ge=0)] = 0
 
     def __post_init__(self) -> None:
-        check(self, "motion capture wants")
+        check(self, "motion capture needs")
 
     def start(self, pose: Pose) -> Locate:
-        """Return what locates a robot that starts at ``pose``."""
+        """Return the localisation of a robot that starts at ``pose``."""
         random = np.random.default_rng(self.seed)
         sigmas = np.array([self.sigma, self.sigma, self.heading_sigma])
 
@@ -59,10 +59,10 @@ class Uwb:
     Attributes:
         sigma: Of a measured x and y, m.
         rate: Measurements a second, Hz.
-        slip: What the filter expects of the wheels, as in
+        slip: Assumed slip of the wheels, as in
             :class:`~qpavoid.lab.sensing.plant.Plant`.
         track: m between the wheels.
-        start_sigma: Of x and y (m) and of γ (rad) of the pose believed at first.
+        start_sigma: Of x and y (m) and of γ (rad) of the initial estimate.
         seed: Of the noise.
     """
 
@@ -76,10 +76,10 @@ class Uwb:
     seed: Annotated[int, NO_KEY, Range(ge=0)] = 0
 
     def __post_init__(self) -> None:
-        check(self, "UWB wants")
+        check(self, "UWB needs")
 
     def start(self, pose: Pose) -> Locate:
-        """Return what locates a robot that starts at ``pose``."""
+        """Return the localisation of a robot that starts at ``pose``."""
         random = np.random.default_rng(self.seed)
         ekf, clock = self.filter(pose, random), Clock(self.rate)
 
@@ -93,7 +93,7 @@ class Uwb:
         return locate
 
     def filter(self, pose: Pose, random: np.random.Generator) -> "PoseFilter":
-        """Return the filter of a robot that starts at ``pose``, off by the start σ."""
+        """Return the filter of a robot at ``pose``, with an initial error."""
         place, heading = self.start_sigma
         sigmas = np.array([place, place, heading])
         believed = np.array(pose) + sigmas * random.standard_normal(3)
@@ -121,7 +121,7 @@ class PoseFilter:
         return x, y, wrap_angle(heading)
 
     def predict(self, v: float, omega: float, dt: float) -> None:
-        """Drive along the arc of the wheels' twist (m/s, rad/s) for ``dt`` seconds."""
+        """Predict along the arc of the wheels' twist (m/s, rad/s) for ``dt`` s."""
         by_pose, by_twist = arc_jacobians(float(self.mean[2]), v, omega, dt)
         half, turn = 0.5, 1.0 / self._track
         wheels = np.array([[half, half], [-turn, turn]])
@@ -134,12 +134,11 @@ class PoseFilter:
         )
 
     def correct(self, position: Array, sigma: float) -> None:
-        """Use a measured position (2,) with the standard deviation ``sigma``, m."""
+        """Correct by a measured position (2,) of standard deviation ``sigma``, m."""
         p = self.covariance
         gain = np.linalg.solve(p[:2, :2] + sigma**2 * np.eye(2), p[:2]).T
         self.mean = self.mean + gain @ (position - self.mean[:2])
-        # Joseph's form: it stays symmetric and positive where (I − KH) P loses that to
-        # rounding.
+        # Joseph's form stays symmetric and positive; (I − KH) P does not, for rounding.
         keep = np.eye(3) - gain @ np.eye(2, 3)
         self.covariance = keep @ p @ keep.T + sigma**2 * gain @ gain.T
 
@@ -153,7 +152,7 @@ def arc_jacobians(
         (3, 3) by the pose x, y, γ and (3, 2) by the twist v, ω.
     """
     half = 0.5 * omega * dt
-    # Both quotients lose their digits to cancellation; the series are right to 1e-9.
+    # Both quotients suffer from cancellation; the series are accurate to 1e-9.
     if abs(half) < STRAIGHT:
         sinc, slope = 1.0 - half * half / 6.0, -half / 3.0
     else:

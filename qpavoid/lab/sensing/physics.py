@@ -1,15 +1,28 @@
-"""A plant of rigid bodies in MuJoCo: wheels that slip, motors that lag.
+"""Plant of rigid bodies in MuJoCo: wheels that slip, motors that lag.
 
 A twist goes through the driver: a delay, limits of acceleration, and for every wheel
 v ∓ ω b m/2 (b: track, m: wheel separation multiplier), which its motor follows as a
-system of first order within its torque. What wheels and ground then do to each other is
-physics; see :mod:`qpavoid.lab.sensing.physics` for the bases.
+system of first order within its torque. The contact of wheels and ground is simulated.
 
-There are no obstacles in it. How near the robot comes to them is judged along the arc
-of every control step by the same geometry as with every other plant, so a contact is
-told but stops nothing, and 260 obstacles cost what they cost without physics. Sensors
-look from the base's place and heading in the plane, however it pitches; what a method
-drives sideways (``omni``) is added to what the wheels do.
+Obstacles are not part of it. Clearances are computed along the arc of every control
+step as with every other plant, so a contact is recorded but stops nothing, and
+obstacles cost no more than without physics. Sensors use the base's position and heading
+in the plane, regardless of its pitch; the lateral velocity of a method (``omni``) is
+added to that of the wheels.
+
+Bases are models of primitives:
+
+- ``differential``: MiR100. Masses, sizes, places of wheels and casters, torque and the
+  driver's limits as in DFKI-NI/mir_robot (BSD-3), ``mir_v1.urdf.xacro``,
+  ``mir_100.gazebo.xacro``, ``diffdrive_controller.yaml``. The springs of its casters
+  are ours: half of the weight is on the driven wheels.
+- ``skid-steer``: Clearpath Jackal. Masses, inertia, wheels, wheel separation multiplier
+  and the driver's limits as in jackal/jackal (BSD-3), ``jackal.urdf.xacro``,
+  ``control.yaml``.
+
+Wheels are ellipsoids of the published radius: a cylinder on its edge hardly turns.
+Friction is set per wheel; the ground has none of its own, since MuJoCo uses the
+greater one.
 """
 
 import math
@@ -27,20 +40,19 @@ from qpavoid.model.kinematics import STRAIGHT, wrap_angle
 from qpavoid.settings import FINITE, NOT_NEGATIVE, POSITIVE, Range, check, want
 from qpavoid.types import Pose, Twist
 
-STEP = 0.005
-"""s of a step of physics."""
+DT = 0.005
+"""s; step of the simulation."""
 
 ROTOR, SERVO, RESET = 0.1, 20.0, 5.0
 """kg m² of a motor's rotor behind its gear, N m s/rad and 1/s of its PI speed servo.
-The solver of contacts does not know the servo: a wheel with its own inertia alone it
-takes for one that runs freely, and a skid-steered base turns a third of what it
-should."""
+The contact solver ignores the servo: without the rotor's inertia a wheel would run
+freely, and a skid-steered base would turn a third of what it should."""
 
 SPRING, DAMPER = 5e3, 500.0
 """N/m and N s/m of a caster."""
 
 WHEEL, GROUND = 1, 2
-"""What touches the other, and only that."""
+"""Collision groups: wheels touch the ground, and nothing else."""
 
 
 class BaseModel(NamedTuple):
@@ -51,11 +63,11 @@ class BaseModel(NamedTuple):
         inertia: Its principal moments, kg m².
         centre: Its centre of mass, m.
         radius: Of a wheel, m.
-        width: The same.
+        width: Of a wheel, m.
         wheel_mass: kg
         wheel_inertia: About its axle and across, kg m².
         wheels: x, y of the driven ones, m; left and right by turns.
-        casters: The same of the swivels of casters; their wheels are like the others.
+        casters: x, y of the swivels of casters, m; their wheels are like the others.
         trail: From swivel back to its wheel, m.
         track: Between left and right, m.
         multiplier: Of the track, by which the driver turns a yaw rate into speeds of
@@ -125,7 +137,7 @@ BASES = {"differential": MIR100, "skid-steer": JACKAL}
 
 @dataclass(frozen=True)
 class Patch:
-    """A rectangle of another friction; the last one that holds a wheel counts.
+    """A rectangle of another friction; of several under a wheel the last one counts.
 
     Attributes:
         place: Its middle, m, world frame.
@@ -140,16 +152,16 @@ class Patch:
     friction: Annotated[float, NOT_NEGATIVE] = 0.1
 
     def __post_init__(self) -> None:
-        check(self, "a patch wants")
+        check(self, "a patch needs")
 
 
 def model_text(base: BaseModel, friction: float) -> str:
     """Return base and ground in MuJoCo's XML.
 
-    Wheels are called ``wheel0`` …; they have no friction but their own.
+    Wheels are called ``wheel0`` …; friction is theirs only.
     """
     return f"""<mujoco>
-    <option timestep="{STEP}" integrator="implicitfast" cone="elliptic" impratio="10"/>
+    <option timestep="{DT}" integrator="implicitfast" cone="elliptic" impratio="10"/>
     <default>
       <geom contype="{GROUND}" conaffinity="{WHEEL}" friction="0 0 0"/>
       <default class="wheel">
@@ -200,7 +212,7 @@ def _motor(base: BaseModel, number: int) -> str:
 
 
 def _caster(base: BaseModel, x: float, y: float) -> str:
-    """Return a swivel on a spring with a wheel behind it, as of a robot that drives."""
+    """Return a swivel on a spring with a wheel behind it, as in forward motion."""
     parts = len(base.casters) * base.wheel_mass + len(base.wheels) * base.wheel_mass
     load = 0.5 * 9.81 * (base.mass + parts) / len(base.casters)
     return f"""<body pos="{_text(x, y, base.radius)}">
@@ -212,14 +224,14 @@ def _caster(base: BaseModel, x: float, y: float) -> str:
         {_inertial(base)}<geom class="wheel"/></body></body>"""
 
 
-ROUNDING = 1e-6
-"""s, or of a step."""
+STEP_ROUNDING = 1e-6
+"""s, or of a step: tolerance for rounding."""
 
 UPRIGHT = 0.5
-"""Cosine of the greatest tilt; beyond it a base lies."""
+"""Cosine of the greatest tilt of an upright base."""
 
 SETTLING = 1.0
-"""s for which a base stands on its wheels before it is asked for anything."""
+"""s for which a base settles on its wheels before it is driven."""
 
 
 @dataclass(frozen=True)
@@ -230,12 +242,12 @@ class Physics:
         base: ``differential``, two driven wheels and four casters (MiR100), or
             ``skid-steer``, four driven wheels (Jackal).
         friction: Of every wheel.
-        delay: s until the driver hears of a twist.
+        delay: s until a twist reaches the driver.
         lag: Time constant of a motor, s.
-        acceleration: The greatest that the driver asks for, m/s² and rad/s²; but not
-            more than the published.
-        torque: The greatest of a wheel, N m; but not more than the published.
-        separation_multiplier: m; 0: the published, 1 and 1.5.
+        acceleration: Greatest of the driver, m/s² and rad/s²; at most the published
+            one.
+        torque: Greatest of a wheel, N m; at most the published one.
+        separation_multiplier: m; 0: the published one, 1 or 1.5.
         patches: Of the ground.
     """
 
@@ -251,11 +263,11 @@ class Physics:
     patches: tuple[Patch, ...] = ()
 
     def __post_init__(self) -> None:
-        check(self, "a base in MuJoCo wants")
+        check(self, "a base in MuJoCo needs")
 
     @property
     def published(self) -> BaseModel:
-        """The base, within the limits that are set."""
+        """The base within the configured limits."""
         known = BASES[self.base]
         (v, omega), (most_v, most_omega) = self.acceleration, known.acceleration
         return known._replace(
@@ -265,9 +277,9 @@ class Physics:
         )
 
     def start(self, pose: Pose = (0.0, 0.0, 0.0)) -> Callable[..., Drive]:
-        """Return a step of a base that stands at ``pose``.
+        """Return the step of a base at rest at ``pose``.
 
-        Asked v, ω and time dt (s) in, what is driven out.
+        A function from v, ω and time dt (s) to the motion driven.
 
         Raises:
             MissingExtraError: MuJoCo is not installed.
@@ -276,10 +288,10 @@ class Physics:
 
 
 class PhysicsRun:
-    """A base under way.
+    """State of a base.
 
     Attributes:
-        data: MuJoCo's state; its first numbers are place and turn of the base.
+        data: MuJoCo's state; its first numbers are position and rotation of the base.
     """
 
     def __init__(self, settings: Physics, pose: Pose) -> None:
@@ -306,7 +318,7 @@ class PhysicsRun:
         """Let the base come to rest on its wheels."""
         half, qpos = 0.5 * pose[2], self.data.qpos
         qpos[:2], qpos[3], qpos[6] = pose[:2], math.cos(half), math.sin(half)
-        for _ in range(round(SETTLING / STEP)):
+        for _ in range(round(SETTLING / DT)):
             self._advance()
 
     @property
@@ -316,15 +328,15 @@ class PhysicsRun:
         return x, y, math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
 
     def step(self, v: float, omega: float, dt: float) -> Drive:
-        """Drive for dt (s) as asked, and return the mean twists.
+        """Drive a commanded twist for dt (s), and return the mean twists.
 
         Raises:
-            InvalidInputError: The base has tipped over, or the solver has given up.
+            InvalidInputError: The base has tipped over, or the solver has failed.
         """
         arrival = self.data.time + self._settings.delay
         self._coming.append((arrival, (v, omega)))
         before, angles = self.pose, self.data.qpos[self._angles]
-        parts = math.ceil(dt / STEP - ROUNDING)
+        parts = math.ceil(dt / DT - STEP_ROUNDING)
         self._model.opt.timestep = h = dt / parts
         for _ in range(parts):
             self._drive(h)
@@ -335,7 +347,7 @@ class PhysicsRun:
         return self._mean(before, turned, dt)
 
     def _check(self) -> None:
-        """Hold the base to standing upright; where MuJoCo gives up it begins anew."""
+        """Raise InvalidInputError unless the base is upright and simulated."""
         i, j = self.data.qpos[4:6].tolist()
         upright = 1.0 - 2.0 * (i * i + j * j) > UPRIGHT
         want(
@@ -344,8 +356,8 @@ class PhysicsRun:
         )
 
     def _drive(self, h: float) -> None:
-        """Give the motors their speeds for the next h s."""
-        while self._coming and self._coming[0][0] <= self.data.time + ROUNDING:
+        """Set the speeds of the motors for the next h s."""
+        while self._coming and self._coming[0][0] <= self.data.time + STEP_ROUNDING:
             _, self._asked = self._coming.popleft()
         base, lag = self._base, self._settings.lag
         for i, most in enumerate(base.acceleration):
@@ -362,7 +374,7 @@ class PhysicsRun:
         self.data.ctrl[:] = wanted + self._missing
 
     def _slip(self) -> None:
-        """Give every wheel the friction of the ground below it."""
+        """Set the friction of every wheel to that of the ground below it."""
         if not self._settings.patches:
             return
         places = self.data.geom_xpos[self._rolling, :2]
@@ -374,7 +386,7 @@ class PhysicsRun:
         self._model.geom_friction[self._rolling, 0] = friction
 
     def _mean(self, before: Pose, turned: list[float], dt: float) -> Drive:
-        """Return the constant twists that lead where the base is, as it came there."""
+        """Return the mean twists of a motion of the base."""
         (x, y, heading), (x_0, y_0, heading_0) = self.pose, before
         angle = wrap_angle(heading - heading_0)
         half = 0.5 * angle

@@ -1,4 +1,4 @@
-"""What the wheels make of a twist: actuator lag and wheel slip.
+"""Wheel model: actuator lag and slip.
 
 A wheel turns at v ∓ ω b/2 (b: track) and moves its side of the robot by that times
 1 + slip · n, n from a standard normal, drawn anew for each wheel in each control step.
@@ -20,9 +20,9 @@ class Drive(NamedTuple):
     """The mean twists of one control step, m/s and rad/s.
 
     Attributes:
-        wheels: As the encoders tell it.
-        ground: As the robot moves.
-        lateral: How fast it slides to its left beside that, m/s.
+        wheels: Measured by the encoders.
+        ground: Of the robot over ground.
+        lateral: Sliding velocity to its left, m/s.
     """
 
     wheels: Twist
@@ -36,8 +36,7 @@ class Plant:
 
     Attributes:
         slip: Standard deviation of a wheel's slip in a control step, a fraction.
-        lag: Time constants of v and ω, s: each follows what is asked for as a system
-            of first order.
+        lag: Time constants of v and ω, s, of first order.
         track: b, m between the wheels.
         seed: Of the slip.
     """
@@ -48,10 +47,10 @@ class Plant:
     seed: Annotated[int, NO_KEY, Range(ge=0)] = 0
 
     def __post_init__(self) -> None:
-        check(self, "a plant wants")
+        check(self, "a plant needs")
 
     def start(self) -> Callable[[float, float, float], Drive]:
-        """Return a step at rest: asked v, ω and time dt (s) in, what is driven out."""
+        """Return the step of a base at rest: a function of v, ω and time dt (s)."""
         random = np.random.default_rng(self.seed)
         now = [0.0, 0.0]
 

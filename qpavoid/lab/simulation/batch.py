@@ -130,7 +130,7 @@ def as_loop(scenario: Scenario) -> "tuple[Batch, Loop] | None":
 
 @dataclass(frozen=True)
 class Batch:
-    """What all loops of a batch have in common.
+    """Common data of all loops of a batch.
 
     Attributes:
         robot: Footprint and limits.

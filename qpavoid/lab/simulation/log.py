@@ -66,16 +66,16 @@ class LogRow(NamedTuple):
 COLUMNS = LogRow._fields
 
 POLYGONS = {"corners": np.empty((1, 0, 2)), "polygons": np.empty(0)}
-"""What a log of a time without polygons does not hold."""
+"""Defaults of arrays that older logs, without polygons, lack."""
 
 ARRAYS = (
     *("final", "final_reference", "discs", "points", "walls", "vertices", "planes"),
     *POLYGONS,
 )
-"""What a log holds beside its columns."""
+"""Arrays of a log beside its columns."""
 
 NO_BACK_END = CLOSED_FORM, ITS_OWN = "closed form", "its own"
-"""What ``meta`` names as the solver of Eq. 5 and Eq. 7, and of a baseline."""
+"""Solver in ``meta`` of Eq. 5 and Eq. 7, and of a baseline."""
 
 PLAIN = (None, "exact", *NO_BACK_END)
 """Solvers that go without saying behind a method's name."""
@@ -85,7 +85,7 @@ PACKAGES = "numpy numba osqp casadi qpsolvers daqp scipy mujoco".split()
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Log:
-    """What happened in one run.
+    """Record of one run.
 
     Attributes:
         meta: Scenario, controller, solver, settings, versions and machine (JSON-able).

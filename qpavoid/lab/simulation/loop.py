@@ -16,7 +16,7 @@ from qpavoid.avoidance.step import filter_outcome
 from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.guide.rollout import TICK, fill_ahead
 from qpavoid.guide.stage import Stage, StageMemory, Tracking, guide_step
-from qpavoid.guide.state import BLOCKED
+from qpavoid.guide.state import NO_PATH
 from qpavoid.lab.simulation import outcome as noted
 from qpavoid.lab.simulation.clearance import (
     Motion,
@@ -42,7 +42,7 @@ from qpavoid.types import Array, Arrays, Pose, Twist
 
 TRACK_ALONE, EQ5, EQ7, QP, QP_AHEAD = range(5)
 
-X, Y, HEADING, PLACE, MODE, MARK_X, MARK_Y, MARK_TIME, FASTEST, WIDEST, HELD = range(11)
+X, Y, HEADING, PLACE, MODE, MARK_X, MARK_Y, MARK_TIME, MAX_V, WIDEST, HELD = range(11)
 TOUCHED, LAST_V, BEFORE_V = range(11, 14)
 RUN_SIZE = 14
 """Where a run is: pose, place on the plan, mode of the tracker, where and when it last
@@ -56,7 +56,7 @@ UNCHANGED = 1e-6
 
 
 class Shared(NamedTuple):
-    """What all loops of a batch have in common.
+    """Common data of all loops of a batch.
 
     Attributes:
         setup: Footprint, limits and settings.
@@ -72,7 +72,7 @@ class Shared(NamedTuple):
 
 
 class Task(NamedTuple):
-    """What one loop is about; world frame.
+    """Task of one loop; world frame.
 
     Attributes:
         plan: (n, 5) reference, a row a control step.
@@ -160,8 +160,8 @@ def reset(setup: Setup, task: Task, run: Run) -> None:
     now[X], now[Y], now[HEADING] = task.start
     now[PLACE], now[MODE], now[MARK_TIME], now[HELD] = 0.0, RESTING, 0.0, 0.0
     now[MARK_X], now[MARK_Y], now[TOUCHED] = now[X], now[Y], 0.0
-    now[FASTEST] = greatest_speed(task.world[1])
-    now[WIDEST], _ = wanted_distance(setup.settings, now[FASTEST], 0.0)
+    now[MAX_V] = greatest_speed(task.world[1])
+    now[WIDEST], _ = wanted_distance(setup.settings, now[MAX_V], 0.0)
     motion = Motion(task.start, (0.0, 0.0), 0.0, 0.0, 0.0)
     view = view_of(setup, task, run)
     least, room = room_round(setup, motion, view, math.inf)
@@ -196,12 +196,12 @@ def track(shared: Shared, task: Task, run: Run, time: float) -> Twist:
     progress, v, omega = guide_step(
         shared.stage, run.stage, run.guiding, run.seen, asked
     )
-    now[HELD] = 1.0 if progress == BLOCKED else 0.0
+    now[HELD] = 1.0 if progress == NO_PATH else 0.0
     return v, omega
 
 
 class Driven(NamedTuple):
-    """What is driven for one control step.
+    """Motion of one control step.
 
     Attributes:
         time: At its start, s.
@@ -233,7 +233,7 @@ def record(setup: Setup, task: Task, run: Run, driven: Driven) -> None:
     elif driven.code == RELAXED:
         outcome.relaxed += dt
     outcome.changed += dt if driven.changed else 0.0
-    pace = greatest_pace(setup.robot, v, omega, now[FASTEST])
+    pace = greatest_pace(setup.robot, v, omega, now[MAX_V])
     room, touched, now[TOUCHED] = outcome.room, now[TOUCHED], 0.0
     # Nothing can come nearer than distance − pace · dt. If that changes neither the
     # least clearance, nor whether it touches, nor the least room, the arc is not
@@ -246,7 +246,7 @@ def record(setup: Setup, task: Task, run: Run, driven: Driven) -> None:
         now[TOUCHED] = 1.0 if min(distance, near) < 0.0 else 0.0
         # Struck: contact begins while the robot's own part of the pace is more than a
         # crawl. Who is run into while standing has not struck anybody.
-        if now[TOUCHED] > touched and pace - now[FASTEST] > CRAWL:
+        if now[TOUCHED] > touched and pace - now[MAX_V] > CRAWL:
             outcome.struck += 1.0
     x, y, heading = arc(pose[0], pose[1], pose[2], v, omega, dt)
     now[X], now[Y], now[HEADING] = x, y, heading

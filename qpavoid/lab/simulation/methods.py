@@ -141,11 +141,11 @@ STAGES = {
     "astar+NAME": "that plan before any of them",
     "NAME+guide": "any of them, guided by the coming seconds, and round what stalls it",
 }
-"""What may stand before and after a name."""
+"""Prefixes and suffixes of a method's name."""
 
 
 class Method(NamedTuple):
-    """What a name stands for.
+    """A method, parsed from its name.
 
     Attributes:
         controller: Its name; or a method of one's own itself.

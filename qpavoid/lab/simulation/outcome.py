@@ -1,4 +1,4 @@
-"""What is noted of a closed loop: one row of :data:`OUTCOME`."""
+"""Outcome of a closed loop: one row of :data:`OUTCOME`."""
 
 import math
 from collections.abc import Mapping
@@ -53,7 +53,7 @@ def is_over(
 
 
 class Goal(NamedTuple):
-    """What counts as arrival.
+    """Criterion of arrival.
 
     Attributes:
         pose: World frame.

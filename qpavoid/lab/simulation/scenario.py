@@ -43,7 +43,7 @@ MOST_STEPS, MOST_PLACES = 1_000_000, 30_000_000
 """Of a run: steps, and places of all its obstacles; its log has 300 MB and 700 MB."""
 
 
-APART, DRAWS = 1_000_003, 1
+SEED_STRIDE, DRAWS = 1_000_003, 1
 """Between the seeds of two robots; what is drawn for them is apart from the world."""
 
 AT_LAST: Array = np.array([1e9])
@@ -189,7 +189,7 @@ def make_scenario(
     for i, item in enumerate(model.robots):
         try:
             for own in make_members(item, rng):
-                seed = {"seed": model.seed + APART * len(robots), "robots": []}
+                seed = {"seed": model.seed + SEED_STRIDE * len(robots), "robots": []}
                 told = validated(schema.ScenarioModel, document | own | seed, path)
                 world = robots[0].world if robots else None
                 one = _single(told, name, path, data, digest, world)
@@ -306,7 +306,7 @@ def _start(model: schema.ScenarioModel, path: motion.Path) -> Pose:
     return x, y, heading
 
 
-TRIES = 1000
+PLACE_TRIES = 1000
 """How often a place is drawn for a robot, on average, before none is found."""
 
 
@@ -425,7 +425,7 @@ def _scattered(
     ends: list[Array] = []
     # Drawn until it fits: starts that are packed densely may not, and then the whole
     # scenario is refused, rather than a robot left out.
-    for _ in range(TRIES * item.count):
+    for _ in range(PLACE_TRIES * item.count):
         way = rng.uniform(item.low_m, item.high_m, (2, 2))
         others = zip((starts, ends), way, strict=True)
         if all(np.hypot(*(p - q)) >= item.apart_m for them, q in others for p in them):

@@ -309,7 +309,7 @@ ReferenceModel = Annotated[
 
 
 class MemberModel(Strict):
-    """What one of several robots has of its own; all else is as at the top.
+    """Settings of one of several robots; all others are those at the top.
 
     Attributes:
         robot: Its footprint and limits, instead of [robot].
@@ -403,7 +403,7 @@ class FilterModel(Strict):
 
 
 class PublishedModel(Strict):
-    """What the paper states of one method, shown beside what is measured.
+    """The paper's values of one method, shown beside the measured ones.
 
     Attributes:
         zone_entry_s: When an obstacle comes within r.

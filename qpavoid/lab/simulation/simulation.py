@@ -229,7 +229,7 @@ def make_guide(scenario: Scenario) -> Round:
     return round_
 
 
-MANY, NEAR = 200, 0.1
+DENSE, EXTRA = 200, 0.1
 """Obstacles; m of the nearest of so many that are looked at more than is needed."""
 
 
@@ -248,10 +248,10 @@ class StepRecord(NamedTuple):
 
 
 class Move(NamedTuple):
-    """What a robot does in a control step.
+    """Motion of a robot in a control step.
 
     Attributes:
-        seen: What it sees, robot frame.
+        seen: Sensed obstacles, robot frame.
         desired: Twist that it desires.
         blocked: Whether no way leads on.
         decision: Of the controller.
@@ -453,10 +453,10 @@ class Simulation:
             self.scenario.settings.radius.r_min_fast,
         )
         pace = greatest_pace(robot, *driven, fastest) + abs(lateral)
-        if len(seen) > MANY:
+        if len(seen) > DENSE:
             near = limits_of(robot).circumradius + distance
             near = near + 2.0 * pace * self.scenario.dt
-            seen = seen.within(near + high + NEAR)
+            seen = seen.within(near + high + EXTRA)
         arrays = seen.arrays
         motion = Motion((0.0, 0.0, 0.0), driven, lateral, 0.0, pace)
         view = View(arrays, like(arrays), empty_contacts(edges, arrays))

@@ -50,7 +50,7 @@ UNITS = {
     "m": "m",
     "s": "s",
 }
-"""What the ending of a key says, longest first."""
+"""Units by the suffix of a key, longest first."""
 
 
 def ordered(lows: Sequence[float], highs: Sequence[float]) -> None:

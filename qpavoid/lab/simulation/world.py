@@ -1,4 +1,4 @@
-"""What moves and what stands in a scenario, in the world frame, at any time."""
+"""Moving and static obstacles of a scenario, world frame, at any time."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,7 +11,7 @@ from qpavoid.model.given import NO_DISCS, NO_POINTS, NO_WALLS
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.types import Array
 
-AWAY = 1e4
+ABSENT = 1e4
 """m; x and y, at least, of a disc that is not there: far from all its places."""
 
 
@@ -25,7 +25,7 @@ class Track:
         radius: m.
         endless: Keep the first and last velocity beyond the ends, instead of standing.
         fleeting: Not there before the first and after the last time; then it is
-            :data:`AWAY`.
+            :data:`ABSENT`.
 
     Raises:
         InvalidInputError: Shapes do not fit, times do not increase.
@@ -41,7 +41,7 @@ class Track:
         times = np.array(self.times, dtype=np.float64)
         positions = np.array(self.positions, dtype=np.float64)
         if times.ndim != 1 or positions.shape != (len(times), 2) or not len(times):
-            raise InvalidInputError("a track wants (n,) times and (n, 2) positions")
+            raise InvalidInputError("a track needs (n,) times and (n, 2) positions")
         if (np.diff(times) <= 0).any():
             raise InvalidInputError("the times of a track must increase")
         object.__setattr__(self, "times", times)
@@ -57,7 +57,7 @@ class Track:
         """Return position (2,) and velocity (2,) at a time."""
         if self.fleeting and not self.times[0] <= time <= self.times[-1]:
             farthest = float(np.abs(self.positions).max())
-            return np.full(2, AWAY * (1.0 + farthest // (0.5 * AWAY))), np.zeros(2)
+            return np.full(2, ABSENT * (1.0 + farthest // (0.5 * ABSENT))), np.zeros(2)
         last = len(self.times) - 1
         # The piece that begins at or before the time; −1 before the first way-point.
         i = int(np.searchsorted(self.times, time, side="right")) - 1

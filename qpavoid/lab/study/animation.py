@@ -22,7 +22,7 @@ from qpavoid.lab.study.scene import (
 )
 from qpavoid.lab.study.style import styles
 
-DPI = 100
+FILM_DPI = 100
 
 
 def animate(
@@ -49,7 +49,7 @@ def animate(
     """
     runs = [logs] if isinstance(logs, Log) else list(logs)
     if not (fps > 0 and 0.0 < speed < np.inf):
-        raise InvalidInputError("an animation wants fps > 0 and speed > 0")
+        raise InvalidInputError("an animation needs fps > 0 and speed > 0")
     path = Path(path)
     writer = film_writer(path, fps)
     first_of(runs)
@@ -57,7 +57,7 @@ def animate(
     times = np.arange(t[0], t[-1] + 0.5 * speed / fps, speed / fps)
     figure, scenes, clock = _stage(runs)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with writer.saving(figure, str(path), DPI):
+    with writer.saving(figure, str(path), FILM_DPI):
         for number, time in enumerate(times, start=1):
             step = int(np.abs(t - time).argmin())
             for scene in scenes:

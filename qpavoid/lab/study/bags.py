@@ -23,7 +23,7 @@ from qpavoid.ros.guard import Wiring
 from qpavoid.ros.messages import seconds
 from qpavoid.types import Array
 
-KINDS = {
+ROS_TYPES = {
     "scans": "sensor_msgs/msg/LaserScan",
     "odometry": "nav_msgs/msg/Odometry",
     "command": "geometry_msgs/msg/Twist",
@@ -32,7 +32,7 @@ KINDS = {
 
 STATIC, MOVING = "/tf_static", "/tf"
 
-OTHER_CLOCK, AHEAD = 10.0, 0.05
+OTHER_CLOCK, CLOCK_AHEAD = 10.0, 0.05
 """s; stamps that are so far from the times of recording, or so much later than these,
 are of another clock."""
 
@@ -121,7 +121,7 @@ def odometry_and_commands(path: Path, command: str) -> list[Event]:
     def choose(held: dict[str, str]) -> dict[str, str]:
         odometry = _found(held).odometry
         if not odometry:
-            raise DataError(f"{path}: no {KINDS['odometry']}")
+            raise DataError(f"{path}: no {ROS_TYPES['odometry']}")
         return {
             odometry: "odometry",
             _topic(command or _commands(held), held): "command",
@@ -202,13 +202,13 @@ def _topic(name: str, held: dict[str, str]) -> str:
 
 def _found(held: dict[str, str]) -> Wiring:
     """Return all scans, and the first odometry."""
-    scans = tuple(sorted(t for t, kind in held.items() if kind == KINDS["scans"]))
-    odometry = sorted(t for t, kind in held.items() if kind == KINDS["odometry"])
+    scans = tuple(sorted(t for t, kind in held.items() if kind == ROS_TYPES["scans"]))
+    odometry = sorted(t for t, kind in held.items() if kind == ROS_TYPES["odometry"])
     return Wiring(scans=scans, odometry=next(iter(odometry), ""))
 
 
 def _commands(held: dict[str, str]) -> str:
-    kinds = KINDS["command"], KINDS["stamped"]
+    kinds = ROS_TYPES["command"], ROS_TYPES["stamped"]
     there = sorted(topic for topic, kind in held.items() if kind in kinds)
     known = [t for name in COMMANDS for t in there if t.rpartition("/")[2] == name]
     if not [*known, *there]:
@@ -252,7 +252,7 @@ def stamp_clock(received: Array, stamps: Array) -> Callable[[Array], Array]:
         received: (n,) times of recording, s, in order.
         stamps: (n,) of a topic, s.
     """
-    if -AHEAD <= np.median(received - stamps) <= OTHER_CLOCK:
+    if -CLOCK_AHEAD <= np.median(received - stamps) <= OTHER_CLOCK:
         return lambda times: times
     latest = np.maximum.accumulate(stamps)
     return lambda times: (

@@ -41,7 +41,7 @@ COLUMNS = {
 }
 """Columns of the printed table; the files hold all metrics."""
 
-LEAST = {"zone_entry_s", "min_clearance_m", "v_min_mps"}
+LEAST_OF_ROBOTS = {"zone_entry_s", "min_clearance_m", "v_min_mps"}
 """Of several robots the worst is the least of these."""
 
 
@@ -151,7 +151,7 @@ def worst_robot(rows: Sequence[Metrics]) -> Metrics:
     for key in COLUMNS:
         found = [v for v in (row[key] for row in rows) if isinstance(v, float)]
         if found:
-            worst[key] = min(found) if key in LEAST else max(found)
+            worst[key] = min(found) if key in LEAST_OF_ROBOTS else max(found)
     if len(rows) > 1:
         worst["outcome"] = tally([row["outcome"] for row in rows])
     return worst

@@ -8,7 +8,7 @@ import numpy as np
 from qpavoid.model.robot import Limits
 from qpavoid.settings import want
 
-MOST = 1e6
+MOST_VALUE = 1e6
 """m, m/s, rad/s or m/s²; no robot is beyond."""
 
 STOPPING = 0.5
@@ -96,8 +96,8 @@ def first_scenario(
             cannot drive forwards.
     """
     numbers = limits.v_max, limits.v_min, limits.omega_max, limits.acceleration
-    small = bool((np.abs([*np.ravel(corners), *numbers]) < MOST).all())
-    want(small, f"footprint and limits must be finite, and below {MOST:g}")
+    small = bool((np.abs([*np.ravel(corners), *numbers]) < MOST_VALUE).all())
+    want(small, f"footprint and limits must be finite, and below {MOST_VALUE:g}")
     want(limits.v_max > 0.0, f"v_max is above 0, not {limits.v_max:g}")
     x, y = np.ptp(np.asarray(corners), axis=0)
     size = float(max(x, y))

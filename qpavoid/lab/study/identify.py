@@ -1,4 +1,4 @@
-"""What a base makes of its commands, fitted to a recorded drive.
+"""Response of a base to its commands, fitted to a recorded drive.
 
 The model, for v and ω alike: a command is heard after a delay, and the velocity goes to
 it at no more than an acceleration; of v a share is lost to slip, and ω is divided by a
@@ -9,7 +9,7 @@ factor of the wheel separation, by which a driver's multiplier is to be multipli
 Fitted by least squares to the velocities at samples, or their means in between. What is
 not in the model (a motor's lag, grip that ends) goes into delay and accelerations.
 Intervals allow for errors that last
-up to :data:`BLOCK`: the covariance is that of sums over blocks [Liang1986].
+up to :data:`BLOCK_TIME`: the covariance is that of sums over blocks [Liang1986].
 """
 
 import math
@@ -26,7 +26,7 @@ from qpavoid.model.kinematics import STRAIGHT, wrap_angle
 from qpavoid.ros.messages import read_twist, seconds
 from qpavoid.types import Array
 
-BLOCK = 1.0
+BLOCK_TIME = 1.0
 """s"""
 
 MOST_DELAY, MOST_RAMP = 1.0, 5.0
@@ -45,7 +45,7 @@ UNEXPLAINED = 0.8
 STAMPED, COARSE = 1e-3, 0.01
 """s; stamps are no more exact, and the search begins with delays no nearer."""
 
-LEAST = 20
+SAMPLES = 20
 """Samples."""
 
 LEAST_RAMP, INSTANT = 1e-9, 1e-6
@@ -94,7 +94,7 @@ class Estimate(NamedTuple):
 
 
 class Base(NamedTuple):
-    """What a base makes of its commands.
+    """Parameters of a base's response to commands.
 
     Attributes:
         delay: s
@@ -148,8 +148,8 @@ def bagged(path: Path, command: str = "") -> Response:
             twist = message.twist.twist
             time, v, omega = message.header.stamp, twist.linear.x, twist.angular.z
             seen.append((seconds(time), float(v), float(omega)))
-    if min(len(told), len(seen)) < LEAST:
-        raise DataError(f"{path}: {LEAST} commands and odometry messages are wanted")
+    if min(len(told), len(seen)) < SAMPLES:
+        raise DataError(f"{path}: {SAMPLES} commands and odometry messages are wanted")
     return paired(np.array(told), np.array(seen), str(path))
 
 
@@ -235,10 +235,10 @@ def identify(drive: Response) -> Base:
         InvalidInputError: It is too short, not finite, nothing was commanded, or what
             was driven does not follow the commands, or comes before them.
     """
-    if len(drive.asked) < LEAST or not np.isfinite(drive.driven).all():
-        raise InvalidInputError(f"identify wants {LEAST} finite samples or more")
+    if len(drive.asked) < SAMPLES or not np.isfinite(drive.driven).all():
+        raise InvalidInputError(f"identify needs {SAMPLES} finite samples or more")
     if not np.ptp(drive.asked, axis=0).any():
-        raise InvalidInputError("identify wants commands that change")
+        raise InvalidInputError("identify needs commands that change")
     _want_followed(drive, drive.driven.std(axis=0) < FOLLOWED * drive.asked.std(axis=0))
     base = _fitted(drive)
     _want_followed(drive, base.error > UNEXPLAINED * drive.driven.std(axis=0))
@@ -363,7 +363,7 @@ def _sigmas(drive: Response, found: Array, left: Array) -> Array:
     slopes = _jacobian(drive, found).reshape(len(left), 2, -1) / scales[:, None]
     told = np.abs(slopes).sum(axis=(0, 1)) > TOLD
     slopes = slopes[:, :, told]
-    length = max(1, round(BLOCK / drive.dt))
+    length = max(1, round(BLOCK_TIME / drive.dt))
     length = min(length, len(left) // (3 * told.sum()))
     scores = np.einsum("nij,ni->nj", slopes, left / scales)
     blocks = np.add.reduceat(scores, np.arange(0, len(left), max(length, 1)))

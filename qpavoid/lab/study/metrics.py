@@ -18,7 +18,7 @@ Metrics: TypeAlias = dict[str, Value]
 T = TypeVar("T")
 
 NAMED = ("scenario", "controller", "solver", "number")
-"""What a row says of its run; the number is that of a robot among several."""
+"""Keys that identify a row's run; ``number``: of a robot among several."""
 
 BELOW = 1e-4
 """m that a clearance must lack of r_min: the filter, which keeps it to just that much,

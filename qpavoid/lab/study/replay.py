@@ -29,7 +29,7 @@ from qpavoid.files import read_yaml
 from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.study.bags import BagWriter, Event, Recording
 from qpavoid.lab.study.tables import write_csv
-from qpavoid.lab.worlds.carmen import LONGEST, hold_time
+from qpavoid.lab.worlds.carmen import LONGEST_ROBOT, hold_time
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.ros.guard import Guard, GuardSetup, GuardStep, Wiring
@@ -42,7 +42,7 @@ from qpavoid.types import Array, Pose, Twist
 PIONEER = Robot("Pioneer", Footprint.rectangle(0.47, 0.41), Limits.symmetric(1.6, 2.6))
 """That of Freiburg-079, whose PARAM lines give its size, 0.47 × 0.41 m."""
 
-PATIENCE = 3.0
+STALE_STEPS = 3.0
 """Steps; so old may be what is known, where no parameters say."""
 
 
@@ -55,7 +55,7 @@ OF_CONTENT = {Fault.INVALID, Fault.BLIND, Fault.JUMPED}
 
 
 class Parameters(NamedTuple):
-    """What a parameter file of the node says.
+    """Parameters of the node from a file.
 
     Attributes:
         running: How the node runs.
@@ -69,7 +69,7 @@ class Parameters(NamedTuple):
 
 
 class Replayed(NamedTuple):
-    """What became of a drive.
+    """Result of a replay.
 
     Attributes:
         rows: A dict a command: time_s, the recorded twist, the given one, why; the
@@ -100,7 +100,7 @@ def read_parameters(path: Path) -> Parameters:
     except DataError as error:
         raise ConfigError([str(error)]) from None
     except (AttributeError, KeyError, TypeError, ValueError):
-        raise ConfigError([f"{path}: wants one node with ros__parameters"]) from None
+        raise ConfigError([f"{path}: needs one node with ros__parameters"]) from None
     try:
         robot = preset(str(given.get("robot_preset", Running().robot_preset)))
         known = Running()._asdict() | Wiring()._asdict() | defaults(robot)
@@ -134,7 +134,7 @@ def robot_of(text: str) -> Robot:
     A rectangle drives as :data:`PIONEER` does.
 
     Raises:
-        InvalidInputError: It is neither, or longer than :data:`LONGEST`.
+        InvalidInputError: It is neither, or longer than :data:`LONGEST_ROBOT`.
     """
     if text in PRESETS:
         return preset(text)
@@ -144,8 +144,8 @@ def robot_of(text: str) -> Robot:
         names = ", ".join(PRESETS)
         said = f"{text!r} is neither LENGTH,WIDTH nor {names}"
         raise InvalidInputError(said) from None
-    small = max(length, width) <= LONGEST
-    want(small, f"LENGTH,WIDTH are in m, at most {LONGEST:g}, not {text}")
+    small = max(length, width) <= LONGEST_ROBOT
+    want(small, f"LENGTH,WIDTH are in m, at most {LONGEST_ROBOT:g}, not {text}")
     return Robot(text, Footprint.rectangle(length, width), PIONEER.limits)
 
 
@@ -157,10 +157,10 @@ def setup_for(drive: Recording, robot: Robot) -> GuardSetup:
     """
     times = [event.time for event in drive.events if event.topic == "command"]
     if len(times) < 2:
-        raise DataError("a replay wants two commands or more")
+        raise DataError("a replay needs two commands or more")
     dt, fresh = max(hold_time(times), 1e-3), Freshness()
     ages = {
-        name: max(getattr(fresh, name), PATIENCE * dt)
+        name: max(getattr(fresh, name), STALE_STEPS * dt)
         for name in ("points", "discs", "odometry", "command")
     }
     setup = setup_of(defaults(robot), robot, min(dt, 0.5))

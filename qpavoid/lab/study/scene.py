@@ -14,7 +14,7 @@ from matplotlib.patches import Polygon
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.simulation.log import Log
-from qpavoid.lab.simulation.world import AWAY
+from qpavoid.lab.simulation.world import ABSENT
 from qpavoid.lab.study.metrics import by_fleet
 from qpavoid.lab.study.style import BLACK, COLORS, DANGER, MARGIN, SOLID, WIDTH, Style
 from qpavoid.model.footprint import offset_outline
@@ -23,7 +23,7 @@ from qpavoid.types import Array
 
 
 class Extent(NamedTuple):
-    """What of the world is shown, m."""
+    """Section of the world that is shown, m."""
 
     x_low: float
     x_high: float
@@ -45,7 +45,7 @@ def first_of(logs: Sequence[Log]) -> Log:
     names = sorted({str(log.meta["scenario"]) for log in logs})
     if len(names) != 1:
         raise InvalidInputError(
-            f"a figure wants runs of one scenario, not of {', '.join(names) or 'none'}"
+            f"a figure needs runs of one scenario, not of {', '.join(names) or 'none'}"
         )
     return logs[0]
 
@@ -178,7 +178,7 @@ class RunPlot:
         axes, log = self._axes, self._log
         centres, radii = log.discs[:, :, :2], log.discs[0, :, 2]
         moving = np.ptp(centres, axis=0).any(axis=1)
-        seen = np.where(centres < AWAY, centres, np.nan)
+        seen = np.where(centres < ABSENT, centres, np.nan)
         tracks = [*seen[:, moving].swapaxes(0, 1), *middles(log, self._count)]
         self._solid = radii > 0.0
         size = 2 * radii[self._solid]

@@ -1,1 +1,1 @@
-"""Readers of files that others publish."""
+"""Worlds: readers of published data sets, and generators."""

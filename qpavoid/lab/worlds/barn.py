@@ -2,7 +2,7 @@
 
 Every obstacle of a world is a vertical cylinder. The start is (−2.25, 3.0, π/2), the
 goal (−2.25, 13.0). Path cells are mapped with x = 0.15 c − 4.425, y = 0.15 r + 5.225;
-the transform of the organisers is one cell off and passes too near to some cylinders.
+the organisers' transform is one cell off and passes too near to some cylinders.
 """
 
 import math
@@ -24,11 +24,11 @@ from qpavoid.types import Array
 START = (-2.25, 3.0, math.pi / 2)
 GOAL = (-2.25, 13.0)
 WHAT = "BARN worlds"
-FOLDERS = ("", "BARN", "barn/BARN", "worlds/BARN")
+BARN_FOLDERS = ("", "BARN", "barn/BARN", "worlds/BARN")
 
 
 def find_folder(data: str | os.PathLike[str] | None, world: int) -> Path:
-    """Return the folder that holds ``world_<world>.world``.
+    """Return the folder of ``world_<world>.world``.
 
     Args:
         data: A data folder; without one, the environment's ``QPAVOID_DATA``. The worlds
@@ -36,15 +36,15 @@ def find_folder(data: str | os.PathLike[str] | None, world: int) -> Path:
         world: Number of the world.
 
     Raises:
-        DataError: No such folder or world; the message says where it was looked for.
+        DataError: No such folder or world; the message lists the folders searched.
     """
-    return find_file(WHAT, f"world_{world}.world", data, FOLDERS).parent
+    return find_file(WHAT, f"world_{world}.world", data, BARN_FOLDERS).parent
 
 
 def read_world(path: str | os.PathLike[str]) -> Array:
     """Return the cylinders of an SDF world as discs (n, 3): x, y, radius in m.
 
-    What has no collision, or a plane, is passed over.
+    Models without collision, and planes, are ignored.
 
     Raises:
         DataError: The file is missing, is not SDF, has no or damaged cylinders, or
@@ -72,7 +72,7 @@ def read_world(path: str | os.PathLike[str]) -> Array:
 
 
 def _solid(model: ElementTree.Element) -> list[ElementTree.Element]:
-    """Return the shapes that something can collide with, but planes."""
+    """Return the collision shapes, except planes."""
     shapes = model.findall(".//collision/geometry/*")
     return [shape for shape in shapes if shape.tag != "plane"]
 
@@ -127,7 +127,7 @@ def read_path(path: str | os.PathLike[str]) -> Array:
     """Return the reference way-points (n, 2) in m, from the start to the goal.
 
     Published paths start with cells along the field's first row, where it is still
-    open; of these only the last is kept, so that the way to it is straight.
+    open; of these only the last is kept, so that the path to it is straight.
 
     Raises:
         DataError: As :func:`read_cells` does.
@@ -171,13 +171,13 @@ class BarnWorlds:
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Label in tables."""
         return f"BARN, v <= {self.speed:g} m/s"
 
     def identity(self, data: str | None) -> str:
-        """Return kind and speed, and the digest of every world that there is."""
+        """Return kind and speed, and the digests of all worlds."""
         files: list[Path] = []
-        for folder in data_folders(WHAT, data, FOLDERS):
+        for folder in data_folders(WHAT, data, BARN_FOLDERS):
             files += [*folder.glob("*.world"), *folder.glob("path_files/*.npy")]
         return repr(self) + "".join(map(file_digest, sorted(files)))
 

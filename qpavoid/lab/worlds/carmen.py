@@ -8,8 +8,8 @@ A scan is a line
 
 with the laser's pose, corrected in a corrected log. Beam k of FLASER's n = 180 or 360
 points to −90° + k 180°/n, counter-clockwise; n = 181 or 361 has one beam more, at +90°;
-the view of other numbers has to be given. Beams of ROBOTLASER1 point to start + k step.
-Other messages are passed over.
+for other numbers the field of view has to be given. Beams of ROBOTLASER1 point to start
++ k step. Other messages are ignored.
 """
 
 import math
@@ -25,19 +25,19 @@ from qpavoid.model.kinematics import wrap_angle
 from qpavoid.types import Array, Pose
 
 BEAMS = (180, 181, 360, 361)
-"""Numbers of beams whose directions are known; FLASER does not say what they span."""
+"""Numbers of beams of known directions; FLASER has no field of view."""
 
 MESSAGES = {"FLASER": (1, 9), "ROBOTLASER1": (8, 14)}
-"""Where the number of beams stands in a line, and how many words follow its echoes."""
+"""Index of the number of beams in a line, and number of words after its echoes."""
 
-SLOWEST = 1.0
-"""s; a twist that is held for longer says nothing of a filter."""
+LONGEST_HOLD = 1.0
+"""s; greatest time that a twist is held in a replay."""
 
-FARTHEST, LATEST, LONGEST = 1e7, 2.0**31, 20.0
-"""m, s, and m of a robot; what is beyond is damaged, or of another unit."""
+LARGEST, LATEST, LONGEST_ROBOT = 1e7, 2.0**31, 20.0
+"""m, s, and m of a robot; larger values are damaged, or of another unit."""
 
 LOST_SHARE, FEW_LOST = 0.05, 3
-"""Of the scans, or of few: the most that are not later than all before."""
+"""Greatest share of scans, or number of few, that are not later than all before."""
 
 
 class Scan(NamedTuple):
@@ -46,7 +46,7 @@ class Scan(NamedTuple):
     Attributes:
         time: s, on the log's clock.
         pose: x, y (m), γ (rad) of the laser, world frame.
-        ranges: (n,) m; what had no echo is :data:`FARTHEST` off, FLASER's as logged.
+        ranges: (n,) m; without an echo :data:`LARGEST`, FLASER's as logged.
         angles: (n,) directions of the beams, rad, 0 straight ahead.
     """
 
@@ -69,7 +69,7 @@ class Scan(NamedTuple):
 def beam_angles(beams: int, view: float | None = None) -> Array:
     """Return the (n,) directions of the beams in rad, 0 straight ahead.
 
-    ``view``: from the first to the last; that of a SICK with so many if not given.
+    ``view``: from the first to the last; default that of a SICK with as many.
     """
     if view is not None:
         return np.linspace(-0.5 * view, 0.5 * view, beams)
@@ -84,7 +84,7 @@ def read_scans(
     Args:
         path: The log.
         message: Name of its scans, one of :data:`MESSAGES`.
-        view: From FLASER's first beam to its last, rad; a SICK's if not given.
+        view: From FLASER's first beam to its last, rad; default a SICK's.
 
     Raises:
         DataError: The file is missing, ends early, holds no scan, or a line is damaged;
@@ -108,7 +108,7 @@ def read_scans(
 def _check(where: str, numbers: Sequence[float], time: float) -> None:
     if not np.isfinite([*numbers, time]).all():
         raise DataError(f"{where}: a number is not finite")
-    if max(map(abs, numbers)) > FARTHEST or not 0.0 <= time < LATEST:
+    if max(map(abs, numbers)) > LARGEST or not 0.0 <= time < LATEST:
         raise DataError(f"{where}: a number is beyond what a robot drives")
 
 
@@ -142,7 +142,7 @@ def _scan(where: str, line: str, view: float | None = None) -> Scan:
     if (ranges < 0).any():
         raise DataError(f"{where}: a range is negative")
     if most > 0.0:  # without an echo a range is the laser's greatest
-        ranges[ranges >= most] = FARTHEST
+        ranges[ranges >= most] = LARGEST
     if not plain and not 0.0 < abs(step) * (beams - 1) <= 2.0 * math.tau:
         raise DataError(f"{where}: {beams} beams {step:g} rad apart are no scan")
     angles = beam_angles(beams, view) if plain else start + step * np.arange(beams)
@@ -151,9 +151,9 @@ def _scan(where: str, line: str, view: float | None = None) -> Scan:
 
 
 def twist_between(start: Pose, end: Pose, dt: float) -> tuple[float, float]:
-    """Return the twist whose arc turns as far as the robot did, and has its chord.
+    """Return the twist whose arc has the chord and turn of a motion.
 
-    A sideways part of the motion, which the robot cannot drive, is left out.
+    A lateral part of the motion, which the robot cannot drive, is left out.
     """
     turn = wrap_angle(end[2] - start[2])
     middle = start[2] + 0.5 * turn
@@ -164,7 +164,7 @@ def twist_between(start: Pose, end: Pose, dt: float) -> tuple[float, float]:
 def in_order(scans: Sequence[Scan], where: str = "") -> list[Scan]:
     """Return scans without those that are not later than all before.
 
-    ``where`` is what errors begin with.
+    ``where`` begins the error messages.
 
     Raises:
         DataError: There are fewer than two, or many are left out.
@@ -179,19 +179,19 @@ def in_order(scans: Sequence[Scan], where: str = "") -> list[Scan]:
         told = f"{lost} of {len(scans)} scans are not later than all before"
         raise DataError(f"{where}{told}: is a time wrong, or are these two drives?")
     if len(kept) < 2:
-        raise DataError(f"{where}a replay wants two scans or more, one after the other")
+        raise DataError(f"{where}a replay needs two scans or more, one after the other")
     return kept
 
 
 def hold_time(times: Sequence[float], where: str = "") -> float:
     """Return the median time between scans or commands, s.
 
-    ``where`` is what errors begin with.
+    ``where`` begins the error messages.
 
     Raises:
         DataError: It is too long for a control step.
     """
     dt = float(np.median(np.diff(times)))
-    if dt > SLOWEST:
+    if dt > LONGEST_HOLD:
         raise DataError(f"{where}{dt:.3g} s apart: no step is so long")
     return dt

@@ -1,9 +1,9 @@
-"""Crowds: take a pedestrian out of a recorded scene, and send a robot in its place.
+"""Crowds: recorded scenes with a robot in place of one pedestrian.
 
 Pedestrian tracks as ``obsmat.txt``: ETH [Pellegrini2009] and UCY [Lerner2007].
 
-A line holds frame, id, x, z, y, v_x, v_z, v_y in metres: the height z stands between x
-and y; or frame, id, x, y alone, as files for learning from these sets have it. Samples
+A line holds frame, id, x, z, y, v_x, v_z, v_y in metres: the height z is between x
+and y; or frame, id, x, y alone, as in versions of these sets for learning. Samples
 are 0.4 s apart: 6 frames in seq_eth (15 a second), 10 in seq_hotel and the UCY sets (25
 a second).
 """
@@ -36,7 +36,7 @@ SET_FPS = {
 
 
 class Pedestrian(NamedTuple):
-    """One person's way.
+    """Track of one person.
 
     Attributes:
         number: The id in the file.
@@ -56,12 +56,12 @@ def read_tracks(path: str | os.PathLike[str], fps: float) -> list[Pedestrian]:
         path: The ``obsmat.txt``.
         fps: Frames a second of the recording; see :data:`SET_FPS`.
 
-    An id that is away for more than 10 s is another person's from then on.
+    An id that is absent for more than 10 s is another person's afterwards.
 
     Raises:
         DataError: The file is missing or empty, or a line is damaged, not finite, more
             than 1000 km away or repeats the frame of an id; the message names the line.
-            Nobody moves along y, but heights change.
+            No person moves along y, but heights change.
     """
     if not (math.isfinite(fps) and fps > 0):
         raise DataError(f"frames a second must be positive, not {fps}")
@@ -87,12 +87,12 @@ def read_tracks(path: str | os.PathLike[str], fps: float) -> list[Pedestrian]:
     return [
         Pedestrian(who, np.array(frames) / fps, np.array([track[k] for k in frames]))
         for who, track in sorted(samples.items())
-        for frames in unbroken(sorted(track), AWAY * fps)
+        for frames in unbroken(sorted(track), REUSE_AFTER * fps)
     ]
 
 
 def unbroken(frames: list[float], most: float) -> Iterator[list[float]]:
-    """Yield frames parted where more than so many are between two: an id used again."""
+    """Yield frames split at gaps of more than ``most``: a reused id."""
     ends = [k for k, (a, b) in enumerate(pairwise(frames), 1) if b - a > most]
     for first, last in pairwise([0, *ends, len(frames)]):
         yield frames[first:last]
@@ -128,14 +128,14 @@ SCENES = {
 """Folders of the scenes below the data folder's ``opentraj``; the last is dense, and
 for training."""
 
-AWAY = 10.0
-"""s without a sample, from which on an id is somebody else's."""
+REUSE_AFTER = 10.0
+"""s without a sample after which an id is another person's."""
 
-PACES = 0.1, 5.0
-"""m/s; between them is the median pace of tasks in m and seconds."""
+MEDIAN_PACES = 0.1, 5.0
+"""m/s; plausible median pace of tasks, else the units are wrong."""
 
 FASTEST = 10.0
-"""m/s; who is quicker from one sample to the next was lost between them."""
+"""m/s; greatest plausible speed between two samples."""
 
 LEAST_SAMPLES, LEAST_WAY = 10, 6.0
 """Tracks with fewer samples, or fewer metres between their ends, are no tasks."""
@@ -148,11 +148,11 @@ PERSON = 0.25
 
 
 class Task(NamedTuple):
-    """A pedestrian to be replaced, and everybody else.
+    """A pedestrian to be replaced, and the others.
 
     Attributes:
-        human: Who is taken out.
-        others: Who walks on as recorded.
+        human: The replaced one.
+        others: Those that walk as recorded.
     """
 
     human: Pedestrian
@@ -160,12 +160,12 @@ class Task(NamedTuple):
 
     @property
     def time(self) -> float:
-        """How long the human took, s."""
+        """Duration of the human's track, s."""
         return float(self.human.times[-1] - self.human.times[0])
 
     @property
     def length(self) -> float:
-        """How far the human walked, m."""
+        """Length of the human's track, m."""
         return length(self.human.positions)
 
 
@@ -190,8 +190,8 @@ def read_tasks(path: Path) -> tuple[Task, ...]:
         path: The track file, in the folder of a published set.
 
     Raises:
-        DataError: As :func:`read_tracks` does, no track is a task, nobody walks in m
-            and s, or somebody jumps.
+        DataError: As :func:`read_tracks` does, no track is a task, speeds
+            are implausible in m and s, or a track jumps.
     """
     people = read_tracks(path, SET_FPS[path.parent.name])
     tasks = tuple(
@@ -204,7 +204,7 @@ def read_tasks(path: Path) -> tuple[Task, ...]:
         least = f"{LEAST_SAMPLES} samples and {LEAST_WAY:g} m between its ends"
         raise DataError(f"{path}: no track has {least}")
     pace = float(np.median([task.length / task.time for task in tasks]))
-    if not PACES[0] < pace < PACES[1]:
+    if not MEDIAN_PACES[0] < pace < MEDIAN_PACES[1]:
         told = "are their places in m, and the frames a second the recording's?"
         raise DataError(f"{path}: people walk at {pace:.3g} m/s: {told}")
     for person in people:
@@ -222,7 +222,7 @@ def task_document(task: Task) -> dict[str, Any]:
     3 m/s²) starts at the human's first position, heading for its last, on the same
     clock; it has arrived within 0.3 m of it. Its reference goes there straight, at the
     human's own pace over the straight way or a little faster.
-    There the run ends. Where no plan avoids a contact the robot is to stand by then.
+    The run ends there. If no plan avoids a contact the robot should be at rest by then.
     """
     start, goal = task.human.positions[0], task.human.positions[-1]
     x, y = (goal - start).tolist()
@@ -288,7 +288,7 @@ class Crowd:
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Label in tables."""
         return f"crowd {self.scene}"
 
     @property

@@ -2,8 +2,8 @@
 
 Key frames are repeated for ever. 438 of the 469 different trajectories do not end
 where they began: there the cylinder *jumps* when its loop restarts, and no method can
-be safe. An episode therefore ends at the first jump, or the cylinders go back the way
-they came.
+be safe. An episode therefore ends at the first jump, or the cylinders go back along
+their paths.
 
 A kinematic Jackal starts at several times of their motion. The robot drives straight
 from the published start, which lies just outside the open side of the field, to the
@@ -50,12 +50,12 @@ class DynaBarnWorld:
     """One world, in its own frame.
 
     Attributes:
-        cylinders: What moves.
+        cylinders: Moving obstacles.
         radius: Of every cylinder, m.
         walls: (K, 4) sides of the walls, m.
         start: x, y (m), γ (rad).
         goal: x, y, m.
-        goal_radius: m; nearer than this the goal is reached.
+        goal_radius: m; distance at which the goal is reached.
         duration: s, after which the episode is over.
     """
 
@@ -76,8 +76,8 @@ def read_world(
     Args:
         path: The file.
         world: Number of the world.
-        restart: What happens where a cylinder would jump: ``"end"`` ends the episode at
-            the first jump of any, ``"reverse"`` sends the cylinder back along its way.
+        restart: At a jump of a cylinder: ``"end"`` ends the episode at the first one,
+            ``"reverse"`` moves the cylinder back along its path.
 
     Raises:
         DataError: The file is missing or damaged, or has no such world.
@@ -135,7 +135,7 @@ def world_numbers(path: str | os.PathLike[str]) -> list[int]:
 def _key_frames(where: str, frame: Any) -> Cylinder:
     times, x, y = (np.array(frame[key], dtype=np.float64) for key in "txy")
     if times.ndim != 1 or len(times) < 2 or not times.shape == x.shape == y.shape:
-        raise DataError(f"{where}: t, x and y want the same length, 2 at least")
+        raise DataError(f"{where}: t, x and y need the same length, 2 at least")
     positions = np.column_stack([x, y])
     if not (np.isfinite(times).all() and np.isfinite(positions).all()):
         raise DataError(f"{where}: a number is not finite")
@@ -148,19 +148,19 @@ def _key_frames(where: str, frame: Any) -> Cylinder:
 
 
 def _frames(cylinder: Cylinder, until: float) -> float:
-    """Return about how many key frames cover a time."""
+    """Return the approximate number of key frames of a time."""
     return len(cylinder.times) * (1.0 + until / float(cylinder.times[-1]))
 
 
 def _unrolled(cylinder: Cylinder, until: float) -> Cylinder:
-    """Return a cylinder repeated, or sent to and fro, until a time is covered."""
+    """Return a cylinder repeated, or moved back and forth, for a time."""
     times, positions, jump = cylinder
     legs, places, begin = [times[:1]], [positions[:1]], 0.0
     while begin < until:
         legs.append(begin + times[1:])
         places.append(positions[1:])
         begin = float(legs[-1][-1])
-        # A way that does not close is driven back, then forth again.
+        # An open path is followed back, then forth again.
         if np.isfinite(jump):
             times, positions = times[-1] - times[::-1], positions[::-1]
     return Cylinder(np.concatenate(legs), np.concatenate(places), jump)
@@ -174,12 +174,12 @@ def _sides(wall: Any) -> Array:
 
 
 MOST_FRAMES = 1_000_000
-"""Of all cylinders of a world, repeated until its end."""
+"""Greatest number of key frames of all cylinders of a world, repeated until its end."""
 
 PHASES = 3
-"""Starts of the robot in a world, evenly over the time to its first jump."""
+"""Number of start times of the robot in a world, evenly up to its first jump."""
 
-FOLDERS = ("dynabarn", "")
+DYNABARN_FOLDERS = ("dynabarn", "")
 
 
 @dataclass(frozen=True)
@@ -189,7 +189,7 @@ class DynaBarn:
     In phase k of n the robot starts after k/n of the time to the world's first jump.
 
     Attributes:
-        jumps: What happens where a cylinder would jump: ``end`` or ``reverse``.
+        jumps: At a jump of a cylinder: ``end`` or ``reverse``.
         speed: Greatest speed, m/s.
         data: Folder of published data sets.
         phases: n, 1 or more.
@@ -202,7 +202,7 @@ class DynaBarn:
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Label in tables."""
         return f"DynaBARN, jumps {self.jumps}, v <= {self.speed:g} m/s"
 
     def identity(self, data: str | None) -> str:
@@ -214,7 +214,7 @@ class DynaBarn:
         return episode_document(*self.episode(seed or 0), self)
 
     def episode(self, seed: int) -> tuple[DynaBarnWorld, float]:
-        """Return the world of an episode, and when on its clock the robot starts, s."""
+        """Return the world of an episode, and the robot's start on its clock, s."""
         file, (number, phase) = find_worlds(self.data), divmod(seed, self.phases)
         first_jump = read_world(file, number).duration
         return read_world(file, number, self.jumps), phase / self.phases * first_jump
@@ -226,13 +226,13 @@ def find_worlds(data: str | os.PathLike[str] | None) -> Path:
     Raises:
         DataError: No data folder, or no such file in it.
     """
-    return find_file("DynaBARN worlds", "dynabarn.json", data, FOLDERS)
+    return find_file("DynaBARN worlds", "dynabarn.json", data, DYNABARN_FOLDERS)
 
 
 def episode_document(
     world: DynaBarnWorld, start: float, source: DynaBarn
 ) -> dict[str, Any]:
-    """Return a world as a scenario file for a robot that starts then, s."""
+    """Return a world as a scenario file for a robot that starts at ``start``, s."""
     x, y, heading = world.start
     return {
         "title": source.name,

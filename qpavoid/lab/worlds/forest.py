@@ -1,9 +1,9 @@
-"""Forests: random static scenes that a robot can cross without ever backing up.
+"""Forests: random static scenes that a robot can cross without reversing.
 
-A scene counts if the straight reference runs through an obstacle, and if a route to the
-goal exists in a corridor about it: breadth-first search of scipy.sparse.csgraph over a
-lattice of (x, y, heading) with two motions, one step forwards and one turn on the spot,
-each pose of the oriented footprint clear of everything by ``CLEARANCE``.
+A scene is valid if the straight reference runs through an obstacle, and if a route to
+the goal exists in a corridor about it: breadth-first search of scipy.sparse.csgraph
+over a lattice of (x, y, heading) with two motions, one step forwards and one turn on
+the spot, each pose of the oriented footprint clear of everything by ``CLEARANCE``.
 """
 
 import math
@@ -29,16 +29,16 @@ CELL = 0.1
 """m; pitch of the lattice."""
 
 CLEARANCE = 0.22
-"""m that the route keeps: r_min = 0.17 m and a little."""
+"""m; clearance of the route, slightly above r_min = 0.17 m."""
 
 HALF_WIDTH = 2.5
-"""m; the obstacles, and the route's axle, lie in a corridor this wide to each side."""
+"""m; half-width of the corridor of the obstacles and of the route's axle."""
 
 SPEED = 0.5
 """m/s of the reference."""
 
 PATIENCE = 3.0
-"""Time allowed, in times of the free reference."""
+"""Time limit relative to the duration of the free reference."""
 
 FIRST_STEPS = ((1, 0), (2, 1), (1, 1), (1, 2))
 STEPS = np.array(
@@ -51,7 +51,7 @@ STEPS = np.array(
         for i, j in FIRST_STEPS
     ]
 )
-"""(16, 2) cells: one step forwards along each of the headings that the lattice has."""
+"""(16, 2) cells: one step forwards along each heading of the lattice."""
 
 HEADINGS = np.arctan2(STEPS[:, 1], STEPS[:, 0])
 
@@ -72,12 +72,12 @@ class ForestScene:
 
     @property
     def start(self) -> Pose:
-        """The robot at time 0: the origin, facing the goal."""
+        """Initial pose of the robot: the origin, facing the goal."""
         return 0.0, 0.0, 0.0
 
     @property
     def goal(self) -> Pose:
-        """The same heading, ``length`` ahead."""
+        """Pose ``length`` m ahead of the start, with its heading."""
         return self.length, 0.0, 0.0
 
     @property
@@ -87,10 +87,10 @@ class ForestScene:
 
 
 def make_scene(footprint: Footprint, seed: int, number: int) -> ForestScene:
-    """Return scene ``number`` of a seed: the first of its draws that counts."""
+    """Return scene ``number`` of a seed: the first valid one of its draws."""
     rng = np.random.default_rng([seed, number])
-    # Drawn until it counts, so a scene depends on its own number only, and forests can
-    # be added to a family without changing those that are there.
+    # A scene depends on its own number only, so that forests can be added to a family
+    # without changing the others.
     while True:
         scene = draw(rng)
         if is_in_the_way(footprint, scene) and is_passable(footprint, scene):
@@ -111,22 +111,22 @@ def draw(rng: np.random.Generator) -> ForestScene:
 
 
 def is_in_the_way(footprint: Footprint, scene: ForestScene) -> bool:
-    """Return whether the footprint would touch something on the straight reference."""
+    """Return whether the footprint would touch an obstacle on the reference."""
     poses = np.zeros((round(scene.length / 0.05) + 1, 3))
     poses[:, 0] = np.linspace(0.0, scene.length, len(poses))
     return not clear(footprint.edges, poses, scene.discs, scene.walls, 0.0).all()
 
 
 def is_passable(footprint: Footprint, scene: ForestScene) -> bool:
-    """Return whether a route from start to goal exists that never backs up."""
+    """Return whether a route from start to goal without reversing exists."""
     columns = round((scene.length + 2.0) / CELL) + 1
     poses, edges = lattice(columns)
     free = clear(footprint.edges, poses, scene.discs, scene.walls, CLEARANCE)
     start, goal = (nearest_node(columns, pose) for pose in (scene.start, scene.goal))
     if not (free[start] and free[goal]):
         return False
-    # An edge is free where both its ends are; what CLEARANCE has beyond r_min is for
-    # what lies between them.
+    # An edge is free if both its ends are; the excess of CLEARANCE over r_min covers
+    # the poses in between.
     source, target = edges[:, free[edges].all(axis=0)]
     links = np.ones(len(source), dtype=np.int8)
     graph = csr_array((links, (source, target)), shape=(len(poses), len(poses)))
@@ -167,7 +167,7 @@ def clear(
 ) -> np.ndarray:
     """Return for each pose whether the footprint keeps a clearance.
 
-    Walls are judged by :func:`wall_separation`, which is never more than the distance.
+    Of walls :func:`wall_separation` is used, which is never more than the distance.
 
     Args:
         edges: Of the footprint.
@@ -249,7 +249,7 @@ class Forest:
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Label in tables."""
         return "forest"
 
     def identity(self, data: str | None) -> str:

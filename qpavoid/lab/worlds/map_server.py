@@ -1,9 +1,9 @@
-"""Occupancy maps as ROS' map_server has them: a YAML file beside a PGM or PNG image.
+"""Occupancy maps of ROS' map_server: a YAML file beside a PGM or PNG image.
 
 A pixel of brightness b from 0 to 1 is occupied with p = 1 − b (``negate: 1``: p = b):
 occupied above ``occupied_thresh``, free below ``free_thresh``, else unknown. The first
-row of the image is the map's top. In the mode scale, too, what lies between the
-thresholds is taken as unknown; pixels of raw are percent, unknown above 100.
+row of the image is the map's top. In the mode scale, too, values between the
+thresholds are unknown; pixels of raw are percent, unknown above 100.
 """
 
 import hashlib
@@ -28,7 +28,7 @@ from qpavoid.types import Array, Pose
 
 Cells: TypeAlias = npt.NDArray[np.bool_]
 
-FOLDERS = ("maps", "")
+MAP_FOLDERS = ("maps", "")
 MOST_PIXELS, MOST_WALLS, OPAQUE, DEEPEST = 16_000_000, 1_000_000, 255, 65_535
 KEYS = ("image", "resolution", "origin", "occupied_thresh", "free_thresh", "negate")
 MODES = ("trinary", "scale", "raw")
@@ -36,14 +36,14 @@ MODES = ("trinary", "scale", "raw")
 
 @dataclass(frozen=True, eq=False)
 class GridMap:
-    """Which cells of a plane are occupied.
+    """Occupancy grid of a plane.
 
     Cell (i, j) covers i to i + 1 along y and j to j + 1 along x, times the resolution,
-    in the grid's frame, which stands at ``origin`` in the world.
+    in the grid's frame, whose pose in the world is ``origin``.
 
     Attributes:
         occupied: (rows, columns), C-contiguous; row 0 is the bottom.
-        free: The same for free cells; the rest is unknown.
+        free: (rows, columns) free cells; the rest is unknown.
         resolution: Side of a cell, m.
         origin: x, y (m), γ (rad) of the lower left corner, world frame.
     """
@@ -56,7 +56,7 @@ class GridMap:
     def walls(self) -> Array:
         """Return the outline of the occupied cells as walls (K, 4), world frame, m.
 
-        Sides of cells that lie in a row are one wall.
+        Adjoining collinear sides are one wall.
         """
         i, low, high = _runs(self.occupied)
         j, left, right = _runs(self.occupied.T)
@@ -74,14 +74,14 @@ class GridMap:
     def middles(self, cells: Cells, most: float = math.inf) -> Array:
         """Return the middles (n, 2), world frame, m, of cells of (rows, columns).
 
-        Of their equal parts, where their sides are longer than ``most`` (m).
+        Of their equal parts, if their sides are longer than ``most`` (m).
         """
         parts = math.ceil(self.resolution / most - 1e-9) or 1
         parted = np.kron(cells, np.ones((parts, parts), dtype=bool))
         return self._in_world((np.argwhere(parted)[:, ::-1] + 0.5) / parts)
 
     def covers(self, places: Array, margin: float = 0.0) -> npt.NDArray[np.bool_]:
-        """Return which places (n, 2), world frame, m, it shows, with a margin, m."""
+        """Return which positions (n, 2), world frame, m, are on the map."""
         there = Obstacles(places).seen_from(self.origin).points
         rows, columns = self.occupied.shape
         size = self.resolution * np.array([columns, rows])
@@ -102,12 +102,12 @@ def find_map(
     """
     near = beside / file
     there = os.path.isfile(near)
-    path = near if there else find_file("maps", file, data, FOLDERS)
+    path = near if there else find_file("maps", file, data, MAP_FOLDERS)
     return below(path, beside, *data_roots(data))
 
 
 def _runs(cells: Cells) -> tuple[npt.NDArray[np.intp], ...]:
-    """Return row, first and last corner of the longest lines between unlike rows."""
+    """Return row, first and last corner of the longest lines between different rows."""
     sides = np.diff(np.pad(cells, ((1, 1), (0, 0))), axis=0)
     change = np.diff(np.pad(sides, ((0, 0), (1, 1))), axis=1)
     if np.count_nonzero(change) > 2 * MOST_WALLS:
@@ -120,7 +120,7 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
     """Return the map of a YAML file and the image that it names.
 
     Raises:
-        DataError: A file is missing, damaged, or says what is not understood.
+        DataError: A file is missing, damaged, or not supported.
     """
     values = _read_yaml(Path(path))
     resolution = _number(path, values, "resolution")
@@ -148,7 +148,7 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
 
 
 def _read_yaml(path: Path) -> Mapping[str, Any]:
-    """Return what a map's file says; keys that are not the map's are passed over."""
+    """Return the content of a map's file; unknown keys are ignored."""
     values = read_yaml(path)
     if not isinstance(values, dict):
         raise DataError(f"{path}: not a readable map file (no keys)")
@@ -214,7 +214,7 @@ def read_image(path: str | os.PathLike[str]) -> Array:
 
 
 def map_digest(path: Path) -> str:
-    """Return the hash of a map's file and of what its image says."""
+    """Return the hash of a map's file and of its image's cells."""
     chart = read_map(path)
     cells = hashlib.sha256(chart.occupied.tobytes() + chart.free.tobytes())
     return file_digest(path) + cells.hexdigest()

@@ -1,9 +1,9 @@
-"""Maps: from here to there in a building, past things and people that are not on it.
+"""Maps: tasks in a building, among discs and people that are not on the map.
 
-Drawn from a seed: start and goal on free ground, 8 to 20 m apart by way (3 to 8 m for
-the small robot); two discs near the planned way and three anywhere, which no map shows
-and which leave a way; and three people (one) who walk back and forth on ways of their
-own, and do not yield.
+Drawn from a seed: start and goal on free ground, with a path of 8 to 20 m (3 to 8 m for
+the small robot); two discs near the planned path and three anywhere, which are not on
+the map and leave a path; and three people (one) who walk back and forth on paths of
+their own, and do not yield.
 """
 
 import math
@@ -22,22 +22,22 @@ from qpavoid.lab.worlds.map_server import find_map, map_digest, read_map
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.types import Array
 
-PATIENCE = 4.0
-"""Time allowed, in times that the way takes at full speed."""
+PATH_PATIENCE = 4.0
+"""Time limit relative to that of the path at full speed."""
 
 
 class Rover(NamedTuple):
-    """A robot, and what ways it is sent.
+    """A robot, and its tasks.
 
     Attributes:
-        robot: As a scenario file has it.
+        robot: Table of a scenario file.
         speed: Greatest, m/s.
-        shortest: Way, m.
-        longest: Way, m.
-        room: m that both ends of a way keep from what is not free.
-        passage: m that all of it keeps.
+        shortest: Length of a path, m.
+        longest: Length of a path, m.
+        room: Clearance of both ends of a path, m.
+        passage: Clearance of all of it, m.
         radius: r_min for slow and fast obstacles, m.
-        people: How many walk there.
+        people: Number of people.
     """
 
     robot: Mapping[str, Any]
@@ -65,46 +65,46 @@ WAFFLE = Rover(
     (0.05, 0.1),
     1,
 )
-"""A TurtleBot3 Waffle, for maps on which a Jackal finds no way."""
+"""A TurtleBot3 Waffle, for maps on which a Jackal finds no path."""
 
 ON_WAY, ANYWHERE = 2, 3
-FINE, MOST_PLACES, LARGE = 0.1, 500_000, 500_000
-"""m, side of the cells in which ways are looked for; that are marked at once; open ones
-of a map, from which on ends of ways are drawn more often."""
+CELL_SIDE, MOST_MARKED, LARGE = 0.1, 500_000, 500_000
+"""m, side of the cells of the path search; number marked at once; number of open cells
+of a map from which on ends of paths are drawn more often."""
 
 PERSON = 0.25
 """m; radius of a person."""
 
-AWAY = 1.2
-"""m from start and goal within which there is nothing, nor anybody at the start."""
+FREE_RADIUS = 1.2
+"""m; radius about start and goal without obstacles, at the start without people."""
 
 
 @lru_cache(maxsize=4)
 def read_ground(path: Path) -> Grid:
-    """Return the grid of what is not free on a map."""
+    """Return the grid of the cells of a map that are not free."""
     chart = read_map(path)
     everywhere = chart.middles(np.ones_like(chart.free))
-    grid = Grid.around(everywhere, 0.5 * chart.resolution, FINE)
-    for part in in_parts(chart.middles(~chart.free, FINE)):
+    grid = Grid.around(everywhere, 0.5 * chart.resolution, CELL_SIDE)
+    for part in in_parts(chart.middles(~chart.free, CELL_SIDE)):
         grid.mark(Obstacles(part), math.inf)
     for part in in_parts(grid.places(np.argwhere(np.ones_like(grid.seen)))):
-        grid.mark(Obstacles(part[~chart.covers(part, FINE)]), math.inf)
+        grid.mark(Obstacles(part[~chart.covers(part, CELL_SIDE)]), math.inf)
     return grid
 
 
 def in_parts(places: Array) -> list[Array]:
-    """Return places (n, 2) in arrays of no more than obstacles may have points."""
-    return np.array_split(places, 1 + len(places) // MOST_PLACES)
+    """Return positions (n, 2) in arrays of at most :data:`MOST_MARKED`."""
+    return np.array_split(places, 1 + len(places) // MOST_MARKED)
 
 
 def map_document(path: Path, file: str, seed: int) -> dict[str, Any]:
     """Return a task as a scenario file.
 
-    The robot knows the map and sees 6 m far. The only reference is the goal: a method
-    needs a planner before it.
+    The robot has the map, and a range of 6 m. The only reference is the goal: a method
+    needs a planner.
 
     Raises:
-        DataError: The map has no such way.
+        DataError: The map has no such path.
     """
     ground = read_ground(path)
     # crc32 and not hash(), which Python salts anew in every process.
@@ -113,7 +113,7 @@ def map_document(path: Path, file: str, seed: int) -> dict[str, Any]:
         rover, route = JACKAL, draw_way(ground, rng, JACKAL, None)
     except DataError:
         rover, route = WAFFLE, draw_way(ground, rng, WAFFLE, None)
-    duration = PATIENCE * length(route) / rover.speed
+    duration = PATH_PATIENCE * length(route) / rover.speed
     (x, y), (goal_x, goal_y) = route[0].tolist(), route[-1].tolist()
     return {
         "title": f"{path.stem}, task {seed}",
@@ -151,11 +151,11 @@ def map_document(path: Path, file: str, seed: int) -> dict[str, Any]:
 def draw_way(
     ground: Grid, rng: np.random.Generator, rover: Rover, near: Array | None
 ) -> Array:
-    """Return a way (n, 2), m, between random open places; the first one near a way."""
+    """Return a path (n, 2), m, between random open cells, the first near ``near``."""
     clearance = ground.clearance(0.0)
     cells = np.argwhere(clearance >= rover.room)
     places, costs = ground.places(cells), costs_of(clearance, rover.passage, 0.6, 4.0)
-    # Of two places on a large map hardly any are as near to each other, and to a way.
+    # On a large map hardly any two cells are near enough to each other, and to a path.
     draws = round(1000 * max(1.0, len(cells) / LARGE) ** 2)
     for _ in range(draws if len(cells) else 0):
         i, j = rng.integers(len(cells), size=2)
@@ -173,7 +173,7 @@ def draw_way(
 def draw_things(
     ground: Grid, rng: np.random.Generator, rover: Rover, route: Array
 ) -> list[dict[str, Any]]:
-    """Return discs near the way and anywhere, that still leave a way."""
+    """Return discs near the path and anywhere that leave a path."""
     open_places = ground.places(np.argwhere(ground.clearance(0.0) >= 0.3))
     around = np.hypot(*(open_places - route[len(route) // 2]).T) < 0.5 * rover.longest
     for _ in range(1000):
@@ -182,7 +182,7 @@ def draw_things(
         middles = np.vstack([beside, rng.choice(open_places[around], ANYWHERE)])
         discs = np.column_stack([middles, rng.uniform(0.1, 0.3, len(middles))])
         ends = np.hypot(*(middles[:, None] - route[[0, -1]]).transpose(2, 0, 1))
-        if ends.min() > AWAY and leaves_way(ground, discs, rover, route):
+        if ends.min() > FREE_RADIUS and leaves_way(ground, discs, rover, route):
             return [
                 {"kind": "disc", "position_m": place, "radius_m": radius}
                 for *place, radius in discs.tolist()
@@ -191,7 +191,7 @@ def draw_things(
 
 
 def leaves_way(ground: Grid, discs: Array, rover: Rover, route: Array) -> bool:
-    """Return whether the ends of a route are joined among discs as well."""
+    """Return whether the ends of a route are connected among discs."""
     now = ground.copy()
     now.mark(Obstacles(discs=discs), math.inf)
     costs = costs_of(now.clearance(0.0), rover.passage, 0.6, 4.0)
@@ -202,20 +202,20 @@ def leaves_way(ground: Grid, discs: Array, rover: Rover, route: Array) -> bool:
 def draw_people(
     ground: Grid, rng: np.random.Generator, rover: Rover, route: Array, duration: float
 ) -> list[dict[str, Any]]:
-    """Return people who walk, none of them at the start when the robot is.
+    """Return walking people, initially away from the start of the robot.
 
     Args:
         ground: The map.
-        rng: Draws ways, places and speeds.
-        rover: How many there are.
+        rng: Draws paths, positions and speeds.
+        rover: Their number.
         route: (n, 2) of the robot, m.
-        duration: For how long they walk, s.
+        duration: Of their walks, s.
     """
     people: list[dict[str, Any]] = []
     while len(people) < rover.people:
         way = draw_way(ground, rng, rover, route)
         times, positions = draw_walk(way, rng, duration)
-        if math.dist(positions[0], route[0]) > AWAY:
+        if math.dist(positions[0], route[0]) > FREE_RADIUS:
             walk = {"times_s": times.tolist(), "positions_m": positions.tolist()}
             people.append({"kind": "waypoints", "radius_m": PERSON, **walk})
     return people
@@ -224,9 +224,9 @@ def draw_people(
 def draw_walk(
     route: Array, rng: np.random.Generator, duration: float
 ) -> tuple[Array, Array]:
-    """Return times (n,), s, and positions (n, 2), m, of walking a way back and forth.
+    """Return times (n,), s, and positions (n, 2), m, of walking a path back and forth.
 
-    From a random place on it, at a constant speed.
+    From a random position on it, at a constant speed.
     """
     corners = np.vstack([route[:-1:5], route[-1:]])
     there = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
@@ -251,7 +251,7 @@ def course(here: Array, there: Array) -> float:
 
 @dataclass(frozen=True)
 class Maps:
-    """Ways through a map as a source of scenes.
+    """Tasks on a map as a source of scenes.
 
     Attributes:
         place: Name of its file without ``.yaml``, or the path of one.
@@ -263,7 +263,7 @@ class Maps:
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Label in tables."""
         return f"map {self.place}"
 
     @property
@@ -274,7 +274,7 @@ class Maps:
 
     @property
     def path(self) -> str:
-        """Where it lies."""
+        """Path of the file."""
         beside = Path(self.file).parent
         return str(find_map(self.file, beside, self.data))
 

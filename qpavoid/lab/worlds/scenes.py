@@ -1,4 +1,4 @@
-"""Scenes of a scenario file; scenes of another source, seen instead of known."""
+"""Scenes of a scenario file; scenes of another source with a sensor."""
 
 import json
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ class ScenarioFile:
     Attributes:
         name: Of the scenario.
         path: Of the file.
-        text: What it says, as JSON.
+        text: Its content as JSON.
     """
 
     name: str
@@ -36,7 +36,7 @@ class ScenarioFile:
         )
 
     def identity(self, data: str | None) -> str:
-        """Return the file's content, and the digest of every file that it names."""
+        """Return the file's content, and the digests of all files that it names."""
         parts, document = [self.name, self.text], self.sample()
         robots = [document, *document.get("robots", [])]
         ways = [robot.get("reference", {}) for robot in robots]
@@ -54,20 +54,20 @@ class ScenarioFile:
         return "\n".join(parts)
 
     def sample(self, seed: int | None = None) -> dict[str, Any]:
-        """Return the scenario file, with another seed where one is given."""
+        """Return the scenario file, with another seed if one is given."""
         document: dict[str, Any] = json.loads(self.text)
         return document if seed is None else document | {"seed": seed}
 
 
 @dataclass(frozen=True)
 class Sensed:
-    """Scenes as a LiDAR sees them: 180 beams all round, 10 Hz, σ 1 cm.
+    """Scenes with a LiDAR: 180 beams all round, 10 Hz, σ 1 cm.
 
-    A control step is 0.05 s; to have arrived is to be within 0.3 m and 0.3 rad.
+    The control step is 0.05 s; arrival is within 0.3 m and 0.3 rad.
 
     Attributes:
-        scene: Where they come from.
-        tracks: Whether discs and their velocities are made of the points.
+        scene: Source of the scenes.
+        tracks: Whether the sensor gives discs with velocities, too.
     """
 
     scene: Source
@@ -75,12 +75,12 @@ class Sensed:
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Label in tables."""
         seen = "tracks" if self.tracks else "points"
         return f"{self.scene.name.rpartition('/')[2]} as {seen}"
 
     def identity(self, data: str | None) -> str:
-        """Return what the scene is made of, and how it is seen."""
+        """Return the identity of the scene, and of its sensor."""
         return f"{self.name} {self.scene.identity(data)}"
 
     def sample(self, seed: int | None = None) -> dict[str, Any]:

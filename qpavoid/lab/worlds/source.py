@@ -1,4 +1,4 @@
-"""What a world is to a study; published files, found and told apart by their hash."""
+"""Interface of a world in a study; published files, identified by their hash."""
 
 import os
 from collections.abc import Hashable, Sequence
@@ -9,15 +9,15 @@ from qpavoid.errors import DataError
 from qpavoid.files import below
 
 FAR = 1e6
-"""m; what a file places farther away than 1000 km is nowhere."""
+"""m; greatest coordinate in a file."""
 
 
 class Source(Hashable, Protocol):
-    """Where the scenes of a study come from."""
+    """Source of the scenes of a study."""
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Label in tables."""
         ...
 
     def identity(self, data: str | None) -> str:
@@ -38,7 +38,7 @@ def data_roots(data: str | os.PathLike[str] | None) -> list[Path]:
 def data_folders(
     what: str, data: str | os.PathLike[str] | None, folders: Sequence[str]
 ) -> list[Path]:
-    """Return where a data set may lie; the rest is as :func:`find_file` says."""
+    """Return the possible folders of a data set; arguments as :func:`find_file`."""
     roots = data_roots(data)
     if not roots:
         raise DataError(
@@ -54,14 +54,14 @@ def find_file(
     """Return the path of a published file.
 
     Args:
-        what: Of which data set, for the message.
+        what: Name of the data set, for the message.
         name: Of the file.
         data: The data folder; without one, the environment's ``QPAVOID_DATA``.
-        folders: Where it may lie in it.
+        folders: Possible folders in it.
 
     Raises:
-        DataError: No data folder, or no such file, or one that leads out of it; says
-            where it was looked for.
+        DataError: No data folder, or no such file, or one that leads out of it; lists
+            the folders searched.
     """
     paths = [folder / name for folder in data_folders(what, data, folders)]
     for path in paths:

@@ -222,8 +222,8 @@ def test_the_window_holds_what_a_rollout_admits_and_its_best(seed):
     best, v, omega = dwa.best_twist(window)
     scores = []
     low, high, omega_low, omega_high = twist_box(HEAVY.limit_vector, *driven, DT)
-    for each in np.linspace(max(low, 0.0), min(high, 0.8), dwa.SPEEDS):
-        for rate in np.linspace(omega_low, omega_high, dwa.RATES):
+    for each in np.linspace(max(low, 0.0), min(high, 0.8), dwa.SPEEDS_TRIED):
+        for rate in np.linspace(omega_low, omega_high, dwa.RATES_TRIED):
             score = dwa.judge(window, (each, rate), -math.inf)
             scores.append(score)
     assert best == pytest.approx(max(scores), abs=1e-9)

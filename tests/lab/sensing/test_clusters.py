@@ -158,5 +158,5 @@ def test_two_that_pass_each_other_keep_their_velocities():
 def test_what_is_wrong_with_a_scan():
     with pytest.raises(InvalidInputError, match="not finite"):
         ClusterTracker().update(0.0, np.array([(math.nan, 0.0)]))
-    with pytest.raises(InvalidInputError, match="clusters wants gap > 0"):
+    with pytest.raises(InvalidInputError, match="clusters needs gap > 0"):
         ClusterSettings(gap=0.0)

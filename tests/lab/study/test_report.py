@@ -40,9 +40,9 @@ def test_a_long_log_is_thinned(logs, monkeypatch):
         planes=np.tile(log.planes, (110, 1, 1)),
     )
     packed = pack_run(long)
-    assert packed["every"] == -(-len(long) // payload.MOST_STEPS) > 1
-    assert len(unpacked(packed)["t"]) <= payload.MOST_STEPS
-    monkeypatch.setattr(payload, "MOST_NUMBERS", 30_000)
+    assert packed["every"] == -(-len(long) // payload.MOST_LOG_STEPS) > 1
+    assert len(unpacked(packed)["t"]) <= payload.MOST_LOG_STEPS
+    monkeypatch.setattr(payload, "MOST_LOG_NUMBERS", 30_000)
     found = unpacked(pack_run(long))
     assert sum(x.size for x in found.values()) < 31_500
 

@@ -277,7 +277,7 @@ def test_shipped_studies_are_valid():
             ('"radius.r_min_slow_m"', '"radius.r_min_slowm"'),
             "radius.r_min_slowm: unknown key.*r_min_slow_m",
         ),
-        (("[0.17, 0.2]", "[0.17, 0.9]"), "r_min_slow_m.: 0.9.*safety radius wants"),
+        (("[0.17, 0.2]", "[0.17, 0.9]"), "r_min_slow_m.: 0.9.*safety radius needs"),
         (("[0.17, 0.2]", "[]"), "at least 1 item"),
         (('"0:2"', '"2"'), "seeds"),
         (("[[scenarios]]", "[[generators]]"), "generators"),

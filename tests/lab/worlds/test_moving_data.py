@@ -143,7 +143,7 @@ def test_an_episode_ends_at_the_first_jump_or_goes_back(tmp_path):
         ({"x": [0, 1]}, "cylinder 0"),
         ({"x": [0, 1, float("nan")]}, "cylinder 0: a number is not finite"),
         ({"period": 4}, "cylinder 0: the last key frame is not at the period"),
-        ({"t": [0], "x": [0], "y": [0]}, "cylinder 0: t, x and y want the same"),
+        ({"t": [0], "x": [0], "y": [0]}, "cylinder 0: t, x and y need the same"),
         ({"t": None}, "cylinder 0"),
     ],
 )

@@ -252,7 +252,7 @@ def test_png_and_negate(tmp_path):
         ("negate: 0", "negate:", "negate is missing"),
         ("negate: 0", "negate: [" + 3000 * "[", "not readable YAML"),
         ("negate: 0", "negate: 0: 1", "not readable YAML"),
-        ("negate: 0", "negate: &a [*a]", "aliases .* are not read"),
+        ("negate: 0", "negate: &a [*a]", "aliases .* are not supported"),
         ("map.pgm", "[map.pgm]", "image is no name"),
         ("map.pgm", "../map.pgm", "leads out of .*--trust-paths"),
         (YAML, "0.65", "no keys"),

@@ -38,18 +38,18 @@ const Panels = (() => {
   const { begin, color, dot, label, line } = Pen;
 
   const SENTENCES = {
-    tracking: "The desired twist is admissible and is driven as it is.",
+    tracking: "The desired twist is admissible and is driven unchanged.",
     filtered: "The nearest twist that the obstacles and the limits allow is driven.",
-    planned: "No answer of the QP keeps its distance; a plan that does is driven.",
+    planned: "No QP solution keeps the required distances; a plan that does is driven.",
     steered: "The method drives a twist of its own instead of the desired one.",
-    relaxed: "No admissible twist keeps every obstacle at bay; the one with the least violation is driven.",
-    stopped: "The solver gave no answer that holds; the robot brakes.",
+    relaxed: "No admissible twist keeps all required distances; the one with the least violation is driven.",
+    stopped: "The solver's answer failed its check; the robot brakes.",
     repelled: "The repulsive velocity is added to the desired twist.",
-    singular: "The law has no value at this contact; the repulsion is left out.",
-    braking: "No answer leaves room to stop; the robot brakes at full deceleration along its arc.",
-    holding: "Nothing else is known to keep its distance; the robot holds still.",
-    blocked: "There is no way round; the robot holds and wants a new plan.",
-    invalid: "What is known may not be driven by; the robot stops among what stood when it was seen last.",
+    singular: "The law is singular at this contact; the repulsion is left out.",
+    braking: "No safe twist was found; the robot brakes at full deceleration along its arc.",
+    holding: "No other motion is known to be safe; the robot holds still.",
+    blocked: "No path was found; the robot holds and needs a new plan.",
+    invalid: "Sensor data are invalid or stale; the robot stops clear of the last known static obstacles.",
   };
 
   /* ---- from above ------------------------------------------------------------ */

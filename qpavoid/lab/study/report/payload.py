@@ -22,10 +22,10 @@ Group: TypeAlias = dict[str, Any]
 BUDGET = 3_500_000
 """Characters of packed logs in a page."""
 
-MOST_STEPS, MOST_NUMBERS = 4000, 1_200_000
+MOST_LOG_STEPS, MOST_LOG_NUMBERS = 4000, 1_200_000
 """A log with more steps, or more numbers in them, is thinned."""
 
-MOST_RUNS = 12
+MOST_REPLAYED = 12
 """Runs of one scenario in the replay."""
 
 PAIRS = (
@@ -60,7 +60,7 @@ def pack_groups(
     groups: list[Group] = []
     spent = shown = 0
     for place in sorted(kept, key=lambda x: (-len(outcomes[x]), -len(kept[x]))):
-        chosen, (scenario, seed) = kept[place][:MOST_RUNS], place
+        chosen, (scenario, seed) = kept[place][:MOST_REPLAYED], place
         named = [(r["run"], _called(r), Log.load(logs[r["run"]])) for r in chosen]
         group = pack_group(named) | {"scenario": scenario}
         group |= {} if seed is None else {"seed": seed}
@@ -103,7 +103,7 @@ def pack_run(log: Log) -> dict[str, Any]:
     discs = log.discs if np.ptp(log.discs, axis=0).any() else log.discs[:1]
     corners = log.corners if np.ptp(log.corners, axis=0).any() else log.corners[:1]
     numbers = len(log) * len(COLUMNS) + log.planes.size + discs.size + corners.size
-    every = max(-(-len(log) // MOST_STEPS), -(-numbers // MOST_NUMBERS))
+    every = max(-(-len(log) // MOST_LOG_STEPS), -(-numbers // MOST_LOG_NUMBERS))
     chosen = slice(None, None, every)
     arrays = {name: log[column][chosen] for name, column in COLUMNS.items()}
     arrays |= {

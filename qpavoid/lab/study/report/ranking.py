@@ -18,7 +18,7 @@ Row: TypeAlias = dict[str, Any]
 
 
 class Results(NamedTuple):
-    """What a study left.
+    """Results of a study.
 
     Attributes:
         rows: One a run, with the keys of a sweep; ``run`` names it.

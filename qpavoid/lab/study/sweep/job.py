@@ -64,13 +64,13 @@ class Job(NamedTuple):
             "success": False,
             "contact": False,
             "duration_s": None,
-            **dict.fromkeys(NUMBERS),
+            **dict.fromkeys(NUMBER_COLUMNS),
             "error": error,
             **dict.fromkeys(CLOCK),
         }
 
 
-NUMBERS = {
+NUMBER_COLUMNS = {
     "arrived_s": "arrived",
     "time_s": "time",
     "min_clearance_m": "clearance",
@@ -155,7 +155,7 @@ def _run(scene: Scenario, job: Job) -> tuple[npt.NDArray[np.void], list[Log]]:
 
 def _numbers(noted: np.void) -> Row:
     """Return the numbers of a row; what is infinite does not apply."""
-    row: Row = {key: finite(noted[name]) for key, name in NUMBERS.items()}
+    row: Row = {key: finite(noted[name]) for key, name in NUMBER_COLUMNS.items()}
     contact = bool(noted["clearance"] < 0.0)
     success = row["arrived_s"] is not None and not contact
     return row | {"contact": contact, "success": success}

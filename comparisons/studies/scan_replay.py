@@ -1,0 +1,188 @@
+"""A recorded drive replayed: which commands does a method change?
+
+No closed loop. At every scan of Freiburg-079 the desired twist is that of the arc to
+the next pose, and the obstacles are the returns of the scan as points. The robot is
+that of the log's PARAM lines: 0.47 × 0.41 m about the axle, the laser 0.04 m behind it.
+Twists beyond |v| ≤ 1.6 m/s, |ω| ≤ 2.6 rad/s are limited. r_min is the same for slow and
+fast.
+
+``successes`` are scans with an unchanged twist, ``contacts`` scans with a return inside
+the footprint (of the data, not of the method). ``metric`` is the share unchanged of the
+others. ``nearer``: scans with a return nearer than r_min; ``changed_nearer``: those
+with a changed twist. ``relaxed`` to ``stopped`` count statuses. Times are of the
+processor. The log is replayed three times: ``us_worst`` is the slowest step,
+``us_worst_again`` the slowest in the best pass, in scan ``worst_scan`` with
+``worst_points`` returns within 1 m.
+
+    python comparisons/studies/scan_replay.py --data PATH --out out/scan_replay
+"""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from time import thread_time_ns
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
+from qpavoid.errors import QPAvoidError
+from qpavoid.lab.simulation.loop import differs
+from qpavoid.lab.simulation.methods import check_methods, make_controller
+from qpavoid.lab.study.replay import PIONEER
+from qpavoid.lab.study.tables import write_csv
+from qpavoid.lab.worlds.carmen import (
+    Scan,
+    hold_time,
+    in_order,
+    read_scans,
+    twist_between,
+)
+from qpavoid.lab.worlds.source import find_file
+from qpavoid.model.contacts import Contacts
+from qpavoid.model.kinematics import to_world
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.types import Array, Pose
+
+Row: TypeAlias = dict[str, Any]
+
+LOG, FOLDERS = "freiburg-079-corrected.log.gz", ("carmen", "")
+METHODS = "qp,qp-ahead,eq5,eq7,vfh,dwa"
+RADII = (0.05, 0.1, 0.17)
+LASER, PASSES = -0.04, 3
+"""Position of the laser ahead of the axle, m; number of replays."""
+
+STATUSES = ("relaxed", "braking", "holding", "stopped")
+
+
+class Moment(NamedTuple):
+    """A scan and the desired twist.
+
+    Attributes:
+        pose: Of the axle, world frame.
+        v: Desired, m/s.
+        omega: Desired, rad/s.
+        cut: Whether the recorded twist was beyond the limits.
+        seen: Returns of the scan, robot frame.
+        touched: Whether one lies in the footprint.
+    """
+
+    pose: Pose
+    v: float
+    omega: float
+    cut: bool
+    seen: Obstacles
+    touched: bool
+
+
+def make_moments(scans: Sequence[Scan]) -> list[Moment]:
+    """Return all scans but the last, each with the motion to the next."""
+    limits, footprint = PIONEER.limits, PIONEER.footprint
+    axles = [
+        (*to_world(np.array([[-LASER, 0.0]]), scan.pose)[0].tolist(), scan.pose[2])
+        for scan in scans
+    ]
+    moments = []
+    for k, scan in enumerate(scans[:-1]):
+        time = scans[k + 1].time - scan.time
+        v, omega = twist_between(axles[k], axles[k + 1], time)
+        bounded = (
+            float(np.clip(v, limits.v_min, limits.v_max)),
+            float(np.clip(omega, limits.omega_min, limits.omega_max)),
+        )
+        seen = Obstacles(scan.points() + np.array([LASER, 0.0]))
+        touched = bool((Contacts.of(footprint, seen).distance < 0.0).any())
+        cut = bounded != (v, omega)
+        moments.append(Moment(axles[k], *bounded, cut, seen, touched))
+    return moments
+
+
+def replay(
+    name: str, radius: float, moments: Sequence[Moment], dt: float
+) -> tuple[list[Row], Array]:
+    """Return a row per scan, and the time of each step in each pass, (PASSES, n) µs.
+
+    Args:
+        name: Of the method.
+        radius: r_min, m.
+        moments: Scans and desired twists.
+        dt: Control step, s.
+    """
+    settings = AvoidanceSettings(radius=SafetyRadius(radius, radius), dt=dt)
+    method = make_controller(name, PIONEER, settings)
+    times, rows = np.empty((PASSES, len(moments))), list[Row]()
+    method.start()(0.0, 0.0, moments[0].seen)  # compiles
+    for k in range(PASSES):
+        step, rows = method.start(), []
+        for i, (_, v, omega, _, seen, touched) in enumerate(moments):
+            started = thread_time_ns()
+            decision = step(v, omega, seen)
+            times[k, i] = 1e-3 * (thread_time_ns() - started)
+            rows.append(
+                {
+                    "method": name,
+                    "setting": f"r_min {radius:g} m",
+                    "r_min_m": radius,
+                    "changed": differs((v, omega), (decision.v, decision.omega)),
+                    "status": str(decision.status),
+                    "clearance_m": decision.clearance,
+                    "touched": touched,
+                }
+            )
+    return rows, times
+
+
+def table_row(rows: Sequence[Row], times: Array, moments: Sequence[Moment]) -> Row:
+    """Return the line of one method and setting."""
+    changed = np.array([row["changed"] for row in rows])
+    clear = ~np.array([row["touched"] for row in rows])
+    nearer = np.array([row["clearance_m"] < row["r_min_m"] for row in rows])
+    again = times.min(axis=0)
+    worst = int(again.argmax())
+    near = np.hypot(*moments[worst].seen.points.T) < 1.0
+    words = [row["status"] for row in rows]
+    return {
+        "method": rows[0]["method"],
+        "runs": len(rows),
+        "successes": int((~changed).sum()),
+        "contacts": int((~clear).sum()),
+        "metric": round(float((~changed)[clear].mean()), 4),
+        "setting": rows[0]["setting"],
+        "nearer": int(nearer.sum()),
+        "changed_nearer": int((changed & nearer).sum()),
+        **{word: words.count(word) for word in STATUSES},
+        "us_median": round(float(np.median(times)), 1),
+        "us_p99": round(float(np.percentile(times, 99)), 1),
+        "us_worst": round(float(times.max()), 1),
+        "us_worst_again": round(float(again.max()), 1),
+        "worst_scan": worst,
+        "worst_status": words[worst],
+        "worst_points": int(near.sum()),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--data", type=Path, metavar="PATH", help="published data sets")
+    parser.add_argument("--methods", default=METHODS, metavar="A,B,…")
+    parser.add_argument("--out", type=Path, default=Path("out/scan_replay"))
+    options = parser.parse_args()
+    names, table = options.methods.split(","), []
+    try:
+        check_methods(names)
+        log = find_file("CARMEN logs", LOG, options.data, FOLDERS)
+        scans = in_order(list(read_scans(log)), f"{log}: ")
+    except QPAvoidError as error:
+        parser.error(str(error))
+    moments = make_moments(scans)
+    dt = hold_time([scan.time for scan in scans], f"{log}: ")
+    print(f"{len(moments)} scans, {sum(m.cut for m in moments)} twists limited")
+    for name in names:
+        for radius in RADII:
+            table.append(table_row(*replay(name, radius, moments, dt), moments))
+            print(*(f"{k}={v}" for k, v in table[-1].items()))
+    write_csv(options.out / "scan_replay.csv", table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,334 @@
+"""The timing study: recorded problems, counted answers, tables. No time is judged."""
+
+import contextlib
+import json
+import math
+import stat
+import warnings
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from oracles import large_answer
+from qpavoid.errors import MissingExtraError, QPAvoidError, UnknownNameError
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.qp.backend_qpsolvers import TIGHT
+from qpavoid.qp.solve import load_back_end
+from timing import cold_start, ros_wire, solvers, steps, throughput
+from timing.contenders import CONTENDERS
+from timing.loops import scan
+from timing.peers import Daqp
+from timing.recorded import CLEAR, as_problem, polished, record_problems, record_scans
+from timing.tables import pivot, text
+from timing.trials import (
+    BLOCK,
+    Case,
+    Contender,
+    Plan,
+    Trials,
+    judge,
+    of_back_end,
+    quantile,
+    race,
+)
+
+SMALL = Plan(50, passes=1, budget_s=60.0, infeasible=3, scans=4, calls=2)
+TINY = Plan(20, passes=1, budget_s=0.5, infeasible=2, scans=6, calls=1)
+
+OFF = {"osqp default", "proxqp default", "piqp default", "clarabel default"}
+OFF |= {"casadi:qpoases"}
+"""Loose settings, and a hot start that goes astray: that is what the study shows."""
+
+NO_STATUS = {"cbfpy:elastiqp", "cbfpy:qpax"}
+"""They answer infeasible problems without a status."""
+
+
+@pytest.fixture(scope="module")
+def problems():
+    return record_problems(20, 100)
+
+
+@pytest.fixture(scope="module")
+def bank(problems):
+    return cases(problems)
+
+
+def cases(problems):
+    return [Case(p.scaled, p.optimum, p.scaled.scale) for p in problems]
+
+
+def feasible(cases):
+    return [case for case in cases if np.isfinite(case.answer).all()]
+
+
+def contend(answer):
+    return Contender(answer, np.asarray)
+
+
+# ------------------------------------------------------------------ recorded problems
+@pytest.mark.parametrize("rows", solvers.ROWS)
+def test_problems_have_exactly_the_rows_asked_for(rows):
+    found = record_problems(rows, 60)
+    assert len({p.problem.A.tobytes() + p.problem.b.tobytes() for p in found}) == 60
+    assert all(p.problem.A.shape == (rows, 2) for p in found)
+    assert {p.slack > 0.0 for p in found} == {True, False}
+
+
+def test_answers_agree_with_linear_programming_and_qhull(problems):
+    for recorded in problems[::3]:
+        u, slack = large_answer(as_problem(recorded.scaled))
+        if recorded.slack > 0.0:
+            assert slack == pytest.approx(recorded.slack, rel=1e-6)
+            assert recorded.slack > CLEAR and np.isnan(recorded.optimum).all()
+            continue
+        assert slack == 0.0 and recorded.residual < 1e-9
+        np.testing.assert_allclose(recorded.optimum, u, atol=1e-7)
+
+
+def test_a_wrong_answer_gets_no_certificate(problems):
+    known = [p for p in problems if not p.slack]
+    moved = (p for p in known if np.abs(p.optimum - p.scaled.target).max() > CLEAR)
+    problem = next(moved)
+    assert polished(problem.scaled, problem.optimum)[1] < 1e-9
+    assert polished(problem.scaled, problem.optimum + 1e-3)[1] > 1e-5
+
+
+def test_echoes_lie_on_the_nearest_disc_and_move_with_it():
+    discs = np.array([(2.0, 0.0, 0.5), (4.0, 0.0, 1.5), (0.0, 3.0, 1.0)])
+    velocities = np.array([(0.1, 0.0), (0.2, 0.0), (0.3, 0.0)])
+    echoes, moves = scan(Obstacles(discs=discs, disc_velocities=velocities), 360)
+    for (x, y, _), (v_x, _) in zip(echoes, moves, strict=True):
+        owner = {0.1: 0, 0.2: 1, 0.3: 2}[v_x]
+        centre, radius = discs[owner, :2], discs[owner, 2]
+        assert np.hypot(x - centre[0], y - centre[1]) == pytest.approx(radius)
+        for t in np.linspace(0.0, 0.999, 50):  # nothing in between
+            gaps = np.hypot(*(discs[:, :2] - (t * x, t * y)).T) - discs[:, 2]
+            assert (gaps > -1e-12).all()
+    assert scan(Obstacles(discs=[(0.1, 0.0, 1.0)]), 360)[0].shape == (0, 3)
+
+
+@pytest.mark.parametrize("points", [1, 10, 1000])
+def test_scans_have_exactly_the_points_asked_for(points):
+    scans = record_scans(points, 5)
+    assert [one.points.shape for one in scans] == [(points, 2)] * 5
+
+
+# ------------------------------------------------------------------ how it is counted
+def test_judge_counts_wrong_missing_and_false_answers():
+    timed = Trials([0.0, 0.9e-5, 2e-5, math.nan], [1000, 2000, 4000, 3000], {1, 2, 3})
+    row = judge(timed, Trials([math.inf, math.nan], [5000, 7000]))
+    assert (row["problems"], row["calls"]) == (3, 4)
+    assert (row["median_us"], row["max_us"], row["p99_us"]) == (2.5, 4.0, None)
+    assert (row["wrong"], row["false_ok"], row["false_infeasible"]) == (1, 2, 1)
+    assert row["worst_error"] == 2e-5 and row["infeasible_max_us"] == 7.0
+    assert quantile(np.arange(98.0), 0.99) is None
+    assert quantile(np.arange(99.0), 0.99) == pytest.approx(97.02)
+
+
+def test_liars_refusers_and_raisers_are_found_out(bank):
+    def raising(problem):
+        raise RuntimeError("no")
+
+    exact = load_back_end("exact")
+    contenders = {
+        "exact": of_back_end(exact),
+        "liar": contend(lambda problem: np.nan_to_num(exact(problem)) + 1e-3),
+        "refuser": contend(lambda problem: np.full(2, math.nan)),
+        "raiser": contend(raising),
+    }
+    rows, count = race(contenders, bank, SMALL), len(feasible(bank))
+    faults = {
+        name: (row["wrong"], row["false_infeasible"], row["false_ok"])
+        for name, row in rows.items()
+    }
+    assert faults == {
+        "exact": (0, 0, 0),
+        "liar": (count, 0, count + 3),
+        "refuser": (0, count, 0),
+        "raiser": (0, count, 0),
+    }
+    assert {row["calls"] for row in rows.values()} == {count}
+
+
+def test_contenders_take_turns_and_each_block_is_led_in(bank):
+    known = feasible(bank)
+    order, met = {id(case.question): i for i, case in enumerate(known)}, []
+
+    def witness(name):
+        return contend(lambda q: met.append((name, order[id(q)])) or np.zeros(2))
+
+    race({name: witness(name) for name in ("one", "two")}, known, SMALL)
+    count, turn = len(known), 2 * (BLOCK + 1)
+    assert {name for name, _ in met[:turn]} == {"one", "two"}
+    own = Counter(place for name, place in met if name == "one")
+    led = [(i - 1) % count for i in range(0, count, BLOCK)]
+    assert own == Counter([*range(count), *led])
+
+
+# ------------------------------------------------------------------ contenders
+def loaded(name):
+    """Return a solver; skip where it is not installed."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            return solvers.load(name)
+        except MissingExtraError as error:
+            pytest.skip(str(error))
+
+
+@pytest.fixture(scope="module")
+def few():
+    problems = record_problems(5, 60)
+    infeasible = [p for p in problems if p.slack][:2]
+    return cases([p for p in problems if not p.slack][::6] + infeasible)
+
+
+@pytest.fixture(scope="module")
+def rows(few):
+    contenders = {}
+    for name in {*CONTENDERS} - NO_STATUS:
+        with contextlib.suppress(pytest.skip.Exception):
+            contenders[name] = of_back_end(loaded(name))
+    return race(contenders, few, SMALL)
+
+
+@pytest.mark.parametrize("name", sorted({*CONTENDERS} - NO_STATUS))
+def test_a_contender_is_right_and_truthful(name, few, rows):
+    loaded(name)
+    row = rows[name]
+    assert row["false_infeasible"] == 0 and row["infeasible_calls"] == 2
+    assert row["calls"] == len(few) - 2
+    if name not in OFF:
+        assert row["wrong"] == 0
+    assert row["false_ok"] == row["wrong"]
+
+
+def test_cbfpy_answers_the_infeasible_too(few):
+    name = "cbfpy:elastiqp"
+    row = race({name: of_back_end(loaded(name))}, few, SMALL)[name]
+    assert row["wrong"] == row["false_infeasible"] == 0
+    assert row["false_ok"] == row["infeasible_calls"] == 2
+
+
+def test_a_workspace_takes_fewer_rows_and_grows():
+    solver = Daqp(TIGHT["daqp"])
+    for count in (5, 3, 5, 1, 20, 5):
+        problem = next(p for p in record_problems(count, 30) if not p.slack)
+        np.testing.assert_allclose(solver(problem.scaled), problem.optimum, atol=1e-8)
+
+
+def test_unknown_and_absent_solvers_are_said(tmp_path, monkeypatch):
+    with pytest.raises(UnknownNameError, match="did you mean 'osqp'"):
+        solvers.bench(tmp_path / "out", SMALL, ["exact", "osq"])
+
+    def fail():
+        raise ImportError
+
+    entry = CONTENDERS["piqp"]._replace(load=fail)
+    monkeypatch.setitem(CONTENDERS, "piqp", entry)
+    with pytest.raises(MissingExtraError, match=r"qpavoid\[bench\]"):
+        solvers.bench(tmp_path / "out", SMALL, ["piqp"])
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.long
+def test_the_study_of_solvers(tmp_path, monkeypatch):
+    monkeypatch.setattr(solvers, "ROWS", (5, 20))
+    table = solvers.bench(tmp_path, SMALL, ["exact", "qpsolvers:daqp", "daqp"])
+    assert "| exact |" in table and "÷ daqp at 20" in table
+    origin = json.loads((tmp_path / "provenance.json").read_text())
+    assert origin["settings"]["qpsolvers:daqp"]["primal_tol"] == 1e-9
+    assert len((tmp_path / "solvers.csv").read_text().splitlines()) == 7
+
+
+# ------------------------------------------------------------------ whole steps
+@pytest.mark.parametrize("name", sorted(steps.STEPS))
+def test_a_step_is_that_of_the_filter(name):
+    (row,) = steps.time_steps([30], {name: steps.STEPS[name]}, TINY)
+    assert (row["step"], row["points"]) == (name, 30) and row["calls"] >= 1
+    if name in (steps.AHEAD, *steps.LAWS):
+        assert row["wrong"] is None and row["worst_error"] is None
+    else:
+        assert row["wrong"] == row["false_infeasible"] == 0
+
+
+def test_numpy_writes_the_rows_of_the_filter():
+    step, safety = steps.NumpyStep(np.zeros), steps.one_step()
+    for case in steps.step_cases(100, 10):
+        A, b = step.rows(case.question.points)
+        problem = safety.problem(*case.question)
+        np.testing.assert_allclose(A, problem.A, atol=1e-12)
+        np.testing.assert_allclose(b, problem.b, atol=1e-12)
+
+
+@pytest.mark.long
+def test_a_guide_is_timed_in_every_world():
+    found = steps.time_guide(1.0, 2)
+    assert [row["world"] for row in found] == list(steps.WORLDS)
+    for row in found:
+        assert row["steps"] == 2 * round(1.0 / 0.02)
+        assert 0.0 < row["median_us"] <= row["p99_us"] <= row["max_us"]
+
+
+def test_memory_does_not_grow():
+    row = steps.endure(10, 20_000)
+    assert row["calls"] == 20_000 and row["growth_mb"] < 1.0
+    assert row["median_us"] <= row["p99_us"] <= row["p9999_us"] <= row["max_us"]
+    assert row["row_evaluations"] == steps.row_evaluations(row["rows"])
+    assert steps.row_evaluations(0) == 22
+
+
+# ------------------------------------------------------------------ the other studies
+def test_loops_a_second():
+    loops = throughput.make_loops(2, 1)
+    tracker = throughput.KanayamaTracker(throughput.Gains(1.0, 4.0, 2.0))
+    settings = throughput.AvoidanceSettings(dt=throughput.DT)
+    batch = throughput.Batch(throughput.Robot.mir100(), tracker, settings)
+    assert throughput.steps_a_second(batch, "eq5", loops, 1) > 0.0
+
+
+def test_cold_starts_tell_what_failed(monkeypatch):
+    broken = "broken", ("-c", "raise SystemExit('it broke')")
+    monkeypatch.setattr(cold_start, "STARTS", (("nothing", ("-c", "")), broken))
+    nothing, failed = cold_start.cold_starts()
+    assert nothing["seconds"] > 0 and nothing["error"] == ""
+    assert (failed["seconds"], failed["error"]) == (None, "it broke")
+
+
+def program(path, text):
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(path.stat().st_mode | stat.S_IXUSR)
+    return path
+
+
+def test_values_of_the_node_have_units(tmp_path):
+    values = {
+        "ready": 3.0,
+        "latency": {"n": 9, "p50": 0.0012, "p99": 0.02, "false_stops": 0.01},
+        "kill": {"stops": 0.196, "hold": 1.0, "said": ["scan: stale."]},
+    }
+    python = program(tmp_path / "python", f"echo '{json.dumps(values)}'")
+    found = ros_wire.rows_of(ros_wire.played(python, ["latency"]))
+    rows = {(r["scene"], r["what"]): r for r in found}
+    assert len(rows) == 5
+    assert (rows["latency", "p99"]["value"], rows["latency", "p99"]["unit"]) == (
+        *(20.0, "ms"),
+    )
+    assert rows["kill", "stops"]["nav2"] == 600.0
+    assert rows["kill", "hold"]["value"] == 100.0
+    with pytest.raises(QPAvoidError, match="ended with 3"):
+        ros_wire.played(program(tmp_path / "python", "exit 3"), [])
+
+
+# ------------------------------------------------------------------ tables
+def test_a_table_has_ratios_to_a_peer_and_no_faults_where_none_were_counted():
+    row = {"p99_us": 2.0, "rows": 5, "calls": 200, "infeasible_calls": 0}
+    faults = "wrong", "false_ok", "false_infeasible"
+    counted = row | {"who": "a", "median_us": 1.0} | dict.fromkeys(faults, 1)
+    uncounted = row | {"who": "b", "median_us": 4.0} | dict.fromkeys(faults)
+    lines = pivot([counted, uncounted], "who", "rows", "b").splitlines()
+    assert lines[2].endswith("| 2 | 0.25 | 0.5 % | 0.5 % | 0.5 % |")
+    assert lines[3].endswith("| 2 | 1 | – | – | – |")
+    cells = {None: "–", 1234567.8: "1,234,568", 12.345: "12.3", 2.34e-9: "2e-09"}
+    assert all(text(value) == cell for value, cell in cells.items())
