@@ -3,7 +3,6 @@
 import csv
 import json
 import os
-import runpy
 import signal
 import subprocess
 import sys
@@ -13,7 +12,6 @@ from importlib.metadata import version
 import numpy as np
 import pytest
 
-from places import COMPARISONS
 from qpavoid.cli import COMMANDS, main
 from qpavoid.cli.output import waiting
 from qpavoid.lab.simulation.config import builtin_configs
@@ -360,14 +358,3 @@ def test_python_dash_m():
     )
     assert done.returncode == 0
     assert done.stdout.strip() == f"qpavoid {version('qpavoid')}"
-
-
-@pytest.mark.parametrize("name", ["paper/paper", "solver_timing", "step_timing"])
-def test_comparison_scripts_have_help(name, monkeypatch, capsys):
-    script = COMPARISONS / f"{name}.py"
-    monkeypatch.syspath_prepend(script.parent)
-    monkeypatch.setattr(sys, "argv", [script.name, "--help"])
-    with pytest.raises(SystemExit) as ended:
-        runpy.run_path(str(script), run_name="__main__")
-    assert ended.value.code == 0
-    assert "--out" in capsys.readouterr().out

@@ -1,4 +1,8 @@
-"""Nonlinear model predictive control of a unicycle with a polygon footprint."""
+"""Nonlinear model predictive control of a unicycle with a polygon footprint.
+
+And with discrete-time control barrier functions [Zeng2021]; both in CasADi
+[Andersson2019].
+"""
 
 import math
 from collections.abc import Callable, Iterator, Mapping

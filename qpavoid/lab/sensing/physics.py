@@ -10,6 +10,20 @@ step as with every other plant, so a contact is recorded but stops nothing, and
 obstacles cost no more than without physics. Sensors use the base's position and heading
 in the plane, regardless of its pitch; the lateral velocity of a method (``omni``) is
 added to that of the wheels.
+
+Bases are models of primitives:
+
+- ``differential``: MiR100. Masses, sizes, places of wheels and casters, torque and the
+  driver's limits as in DFKI-NI/mir_robot (BSD-3), ``mir_v1.urdf.xacro``,
+  ``mir_100.gazebo.xacro``, ``diffdrive_controller.yaml``. The springs of its casters
+  are ours: half of the weight is on the driven wheels.
+- ``skid-steer``: Clearpath Jackal. Masses, inertia, wheels, wheel separation multiplier
+  and the driver's limits as in jackal/jackal (BSD-3), ``jackal.urdf.xacro``,
+  ``control.yaml``.
+
+Wheels are ellipsoids of the published radius: a cylinder on its edge hardly turns.
+Friction is set per wheel; the ground has none of its own, since MuJoCo uses the
+greater one.
 """
 
 import math
@@ -139,7 +153,7 @@ class Patch:
     friction: Annotated[float, NOT_NEGATIVE] = 0.1
 
     def __post_init__(self) -> None:
-        check(self, "a patch wants")
+        check(self, "a patch needs")
 
 
 def model_text(base: BaseModel, friction: float) -> str:

@@ -183,18 +183,17 @@ def find_scene(scene: str, data: str | os.PathLike[str] | None) -> Path:
 
 
 @lru_cache(maxsize=8)
-def read_tasks(path: Path, fps: float | None = None) -> tuple[Task, ...]:
+def read_tasks(path: Path) -> tuple[Task, ...]:
     """Return all tasks of a track file, by the id of the human.
 
     Args:
-        path: The track file.
-        fps: Frames a second; of a published set they are known.
+        path: The track file, in the folder of a published set.
 
     Raises:
         DataError: As :func:`read_tracks` does, no track is a task, speeds
             are implausible in m and s, or a track jumps.
     """
-    people = read_tracks(path, SET_FPS[path.parent.name] if fps is None else fps)
+    people = read_tracks(path, SET_FPS[path.parent.name])
     tasks = tuple(
         Task(human, tuple(other for other in people if other is not human))
         for human in people

@@ -106,9 +106,10 @@ def straight(lost):
     ],
 )
 def test_a_file_without_tracks_is_refused(text, said, tmp_path):
-    file = tmp_path / "tracks.txt"
+    file = tmp_path / "seq_hotel" / "obsmat.txt"
+    file.parent.mkdir()
     if text:
         file.write_text(text)
     with pytest.raises(DataError) as error:
-        read_tasks(file, 25.0)
+        read_tasks(file)
     assert said in str(error.value) and str(file) in str(error.value)
