@@ -31,7 +31,6 @@ def holds(case, scenes, seed):
     return counts
 
 
-# ------------------------------------------------------------------- the theorem
 @limits
 @steps
 @aheads
@@ -77,7 +76,6 @@ def test_a_long_siege_wears_nothing_away():
         assert outcome.least >= R_MIN - EPSILON
 
 
-# ------------------------------------------------------------ an independent view
 def brute_distance(pose, world):
     """The least distance to anything in the world, by the oracles."""
     x, y, heading = pose
@@ -106,7 +104,6 @@ def test_the_oracles_see_the_same_distances(limits, dt):
     assert nearest < R_MIN + 0.3
 
 
-# ---------------------------------------------------------- from below r_min, touching
 @limits
 @aheads
 def test_from_below_r_min_it_never_comes_nearer(limits, ahead):
@@ -247,7 +244,6 @@ def test_never_worse_than_braking_at_once(limits, dt, ahead):
     assert given[RELAXED] + given[BRAKING] + given[HOLDING] > 0
 
 
-# ------------------------------------------------------------------------ statuses
 @aheads
 def test_braking_and_holding_are_true(ahead):
     """``holds`` counts lies: a status that is not what was done."""
