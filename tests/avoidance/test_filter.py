@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from oracles import exact_answer, point_distance
-from qpavoid.avoidance.decision import Status
+from qpavoid.avoidance.decision import AT_REST, Decision, Status, blocked_if
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.model.footprint import Footprint
@@ -154,3 +154,21 @@ def test_settings_and_robots_are_what_is_used():
     decision = SafetyFilter(small).filter(9.0, 9.0, points=ahead)
     assert decision[:2] == pytest.approx((0.3, 0.5))
     assert decision.clearance == pytest.approx(0.65)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize(
+    ("v", "omega", "stands"),
+    [
+        (0.0, 0.0, True),
+        (0.9 * AT_REST, 0.9 * AT_REST, True),
+        (AT_REST, 0.0, False),
+        (0.0, AT_REST, False),
+    ],
+)
+def test_blocked_is_said_of_what_stands(v, omega, stands, sign):
+    made = Decision(sign * v, sign * omega, Status.HOLDING, 0.3, 0.0, 0.0, (), 0.0)
+    assert blocked_if(made, False) == made
+    found = blocked_if(made, True)
+    assert (found.status is Status.BLOCKED) == stands
+    assert found._replace(status=made.status) == made
