@@ -3,7 +3,6 @@
 import csv
 import json
 import os
-import runpy
 import signal
 import subprocess
 import sys
@@ -13,9 +12,8 @@ from importlib.metadata import version
 import numpy as np
 import pytest
 
-from places import COMPARISONS
 from qpavoid.cli import COMMANDS, main
-from qpavoid.cli.progress import waiting
+from qpavoid.cli.output import waiting
 from qpavoid.lab.simulation.config import builtin_configs
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.methods import OURS
@@ -134,12 +132,6 @@ def test_run_one(config, tmp_path, capsys):
     assert "eq7" in capsys.readouterr().out
     assert (tmp_path / "logs" / "short-eq7.npz").is_file()
     assert movie.read_bytes().startswith(b"GIF89a")
-
-
-def test_show_without_a_display_fails(config, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("webbrowser.open", lambda uri: False)
-    assert main(["run", str(config), "--show", "--out", str(tmp_path)]) == 1
-    assert "no display" in capsys.readouterr().err
 
 
 def test_lists(capsys, monkeypatch):
@@ -366,14 +358,3 @@ def test_python_dash_m():
     )
     assert done.returncode == 0
     assert done.stdout.strip() == f"qpavoid {version('qpavoid')}"
-
-
-@pytest.mark.parametrize("name", ["paper/paper", "solver_timing", "step_timing"])
-def test_comparison_scripts_have_help(name, monkeypatch, capsys):
-    script = COMPARISONS / f"{name}.py"
-    monkeypatch.syspath_prepend(script.parent)
-    monkeypatch.setattr(sys, "argv", [script.name, "--help"])
-    with pytest.raises(SystemExit) as ended:
-        runpy.run_path(str(script), run_name="__main__")
-    assert ended.value.code == 0
-    assert "--out" in capsys.readouterr().out

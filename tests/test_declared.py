@@ -18,10 +18,10 @@ from qpavoid.avoidance.settings import (
 from qpavoid.errors import InvalidInputError
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.planning.planner import PlannerSettings
-from qpavoid.lab.sensing.clusters import ClusterSettings
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.model.estimate import EstimatorSettings
 from qpavoid.model.robot import Limits
+from qpavoid.perception.settings import PerceptionSettings
 from qpavoid.settings import (
     FINITE,
     NO_KEY,
@@ -102,7 +102,7 @@ NEEDED = {
 SETTINGS = [
     *(SafetyRadius, Repulsion, Margins, Actuation, LookAhead, AvoidanceSettings),
     *(Freshness, GuideSettings, EstimatorSettings, Waiting, StationKeeping, *NEEDED),
-    *(PlannerSettings, ClusterSettings, LidarSettings),
+    *(PlannerSettings, PerceptionSettings, LidarSettings),
 ]
 
 

@@ -13,8 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import qpavoid as qp
-from qpavoid.lab.sensing.physics import Physics
-from qpavoid.lab.sensing.physics_model import Patch
+from qpavoid.lab.sensing.physics import Patch, Physics
 from qpavoid.lab.simulation.scenario import make_scenario
 from qpavoid.lab.study.plots import distance
 

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.lab.baselines.discs import body_discs
+from qpavoid.lab.baselines.drive import body_discs
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario

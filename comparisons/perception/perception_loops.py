@@ -14,9 +14,9 @@ from concurrent.futures import ProcessPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
+from perception_scenes import BODY, Mover, Scene, box_walls, gone_after, line
 
 import qpavoid as qp
-from perception_scenes import BODY, Mover, Scene, box_walls, gone_after, line
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.model.contacts import clearance_of
 from qpavoid.model.kinematics import integrate, to_world

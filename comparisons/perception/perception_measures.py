@@ -5,7 +5,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-
 from perception_scenes import Recorded
 
 NEAR = 4.0

@@ -23,7 +23,7 @@ import numpy.typing as npt
 from scipy.ndimage import binary_dilation
 
 from qpavoid.errors import QPAvoidError
-from qpavoid.lab.planning.search import length
+from qpavoid.lab.planning.grid import length
 from qpavoid.lab.worlds.barn import GOAL, START, find_folder, read_cells
 from qpavoid.lab.worlds.crowd import PERSON, SCENES, Crowd, Task
 from qpavoid.lab.worlds.dynabarn import DynaBarn, DynaBarnWorld, Restart

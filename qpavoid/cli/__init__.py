@@ -69,7 +69,6 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
     "run": (
         runs.run,
         *(CONFIG, option(*ONE, "qp-ahead+guide", type=runs.one_name)),
-        option("--show", "show the figures on screen"),
         option("--animate FILE", "write a .gif or .mp4 too"),
         *(BACKEND, OUT, FIGURES, DATA, TRUST, JSON),
     ),

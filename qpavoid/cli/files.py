@@ -10,7 +10,7 @@ from qpavoid.cli.output import UsageError
 from qpavoid.errors import InvalidInputError, QPAvoidError
 
 if TYPE_CHECKING:
-    from qpavoid.lab.simulation.schema_base import Strict
+    from qpavoid.lab.simulation.tables import Strict
 
 
 FILE_KINDS = ("scenario", "study")

@@ -63,8 +63,14 @@ def replay(options: Namespace) -> int:
 
 def _replayed(options: Namespace) -> int:
     from qpavoid.lab.study.bags import bag_drive
-    from qpavoid.lab.study.replay import read_parameters, replay, robot_of, setup_for
-    from qpavoid.lab.study.replay_files import save, summary
+    from qpavoid.lab.study.replay import (
+        read_parameters,
+        replay,
+        robot_of,
+        save,
+        setup_for,
+        summary,
+    )
 
     given, written = options.bag.resolve(), (options.out / "bag").resolve()
     if written in (given, *given.parents):

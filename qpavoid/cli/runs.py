@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
-from qpavoid.cli.output import give, make_console, told_by
-from qpavoid.cli.progress import between_steps, progress
+from qpavoid.cli.output import between_steps, give, make_console, progress, told_by
 from qpavoid.errors import (
     ConfigError,
     InvalidInputError,
@@ -54,18 +53,16 @@ def run(options: Namespace) -> None:
 
         with told_by("--animate", InvalidInputError):
             film_writer(Path(options.animate))
-    logs, figures = _simulate([options.config], [options.controller], options)
+    logs = _simulate([options.config], [options.controller], options)
     if options.animate:
         with make_console().status("drawing the animation"):
             animate(logs, options.animate)
-    if options.show:
-        _show(figures)
 
 
 def _simulate(
     configs: Sequence[str], names: Sequence[str], options: Namespace
-) -> tuple["list[Log]", list[Path]]:
-    """Check everything, then run, save, print and draw; return logs and figures."""
+) -> "list[Log]":
+    """Check everything, then run, save, print and draw; return the logs."""
     from qpavoid.lab.simulation.scenario import load_scenario
     from qpavoid.lab.study.compare import compare, table
     from qpavoid.lab.study.plots import save_figures
@@ -77,7 +74,7 @@ def _simulate(
     if len({scenario.name for scenario in scenarios}) < len(scenarios):
         raise InvalidInputError("two scenarios have the same name; rename a file")
     options.out.mkdir(parents=True, exist_ok=True)
-    console, figures = make_console(), []
+    console = make_console()
     steps = len(names) * sum(scenario.steps for scenario in scenarios)
     bar = progress(steps, "simulating", "steps", options.quiet)
     with bar as show, between_steps(show) as call:
@@ -86,22 +83,10 @@ def _simulate(
         same = [log for log in logs if log.meta["scenario"] == scenario.name]
         if not options.json:
             console.print(table(scenario, summary))
-        figures += save_figures(same, options.out, options.figures)
+        save_figures(same, options.out, options.figures)
     where = f"Figures, tables and logs are in {options.out}"
     give(options, summary, lambda: console.print(where, soft_wrap=True))
-    return logs, figures
-
-
-def _show(paths: Sequence[Path]) -> None:
-    """Open the figures with the system's viewer.
-
-    Raises:
-        QPAvoidError: There is none.
-    """
-    import webbrowser
-
-    if not all([webbrowser.open(path.resolve().as_uri()) for path in paths]):
-        raise QPAvoidError("there is no display, or nothing here shows figures")
+    return logs
 
 
 FORMATS = ("png", "svg", "pdf")

@@ -4,8 +4,7 @@ import sys
 import webbrowser
 from argparse import ArgumentTypeError, Namespace
 
-from qpavoid.cli.output import give, told_by
-from qpavoid.cli.progress import progress, waiting
+from qpavoid.cli.output import give, progress, told_by, waiting
 from qpavoid.cli.runs import names_in
 from qpavoid.errors import ConfigError
 

@@ -8,7 +8,7 @@ the matches tell little (along a corridor) keeps the odometry's step.
 
 import math
 
-from qpavoid.compiled import compiled, compiled_once
+from qpavoid.compiled import compiled_once
 from qpavoid.perception.local_map import (
     CELL,
     LIVES,
@@ -73,7 +73,7 @@ def drop_bodies(scan: Array, tracks: Array, count: int) -> None:
 @compiled_once
 def nearest_point(cells: Array, x: float, y: float, centre: Cell, reach: float) -> int:
     """Return the row of the cell with the nearest static point; −1: none in reach."""
-    i, j, wide = cell_of(x), cell_of(y), int(math.ceil(reach / CELL))
+    i, j, wide = cell_of(x), cell_of(y), math.ceil(reach / CELL)
     if not holds(centre, i, j, wide + 1):
         return -1
     best, found = reach * reach, -1

@@ -72,7 +72,7 @@ class Moment(NamedTuple):
 @compiled
 def cell_of(x: float) -> int:
     """Return the index of the cell of a coordinate."""
-    return int(math.floor(x / CELL))
+    return math.floor(x / CELL)
 
 
 @compiled
@@ -200,7 +200,7 @@ class Beam(NamedTuple):
 def trace(cells: Array, beam: Beam, centre: Cell, now: Moment) -> None:
     """See through every cell that a beam crosses, one by one [Amanatides1987]."""
     x, y, limit = beam.x / CELL, beam.y / CELL, beam.length / CELL
-    i, j = int(math.floor(x)), int(math.floor(y))
+    i, j = math.floor(x), math.floor(y)
     right, up = 1 if beam.cos > 0.0 else -1, 1 if beam.sin > 0.0 else -1
     per_x = abs(1.0 / beam.cos) if beam.cos != 0.0 else math.inf
     per_y = abs(1.0 / beam.sin) if beam.sin != 0.0 else math.inf

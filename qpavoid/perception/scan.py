@@ -175,7 +175,7 @@ def beam_towards(scan: Array, sensor: Sensor, x: float, y: float) -> int:
     angle = math.atan2(y - first[FROM_Y], x - first[FROM_X])
     angle += 0.5 * sensor.step - math.atan2(first[SIN], first[COS])
     angle -= 2.0 * math.pi * math.floor(angle / (2.0 * math.pi))
-    k = int(math.floor(angle / sensor.step))
+    k = math.floor(angle / sensor.step)
     return k if k < n else -1
 
 
@@ -186,4 +186,4 @@ def sees_through(scan: Array, sensor: Sensor, x: float, y: float, more: float) -
     if k < 0:
         return False
     far = math.hypot(x - scan[0, FROM_X], y - scan[0, FROM_Y]) + more
-    return min(scan[k, RANGE], sensor.range_max) > far and scan[k, RANGE] > far
+    return bool(scan[k, RANGE] > far and sensor.range_max > far)

@@ -94,7 +94,8 @@ def is_break(view: View, before: int, after: int) -> bool:
     a, b = view.scan[beam_at(view, before)], view.scan[beam_at(view, after)]
     gap = GAP + max(a[RANGE], b[RANGE]) * view.sensor.step
     two = a[BESIDE] >= 0.0 and b[BESIDE] >= 0.0 and a[BESIDE] != b[BESIDE]
-    return two or math.hypot(b[ECHO_X] - a[ECHO_X], b[ECHO_Y] - a[ECHO_Y]) > gap
+    apart = math.hypot(b[ECHO_X] - a[ECHO_X], b[ECHO_Y] - a[ECHO_Y])
+    return bool(two or apart > gap)
 
 
 @compiled_once
@@ -179,7 +180,7 @@ def number_echoes(
 def set_segment(
     view: View, segment: Array, first: int, last: int, only_open: bool
 ) -> None:
-    """Write the segment of the echoes, or only the open ones, at places first … last."""
+    """Write the segment of the echoes at places first … last, or of the open ones."""
     s, count, opened, x, y, later = segment, 0.0, 0.0, 0.0, 0.0, 0.0
     for place in range(first, last + 1):
         one = view.scan[beam_at(view, place)]

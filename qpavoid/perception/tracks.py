@@ -80,7 +80,7 @@ THIN = 0.22
 """m; narrower segments are shins."""
 
 BODY_SIGMA, SHIN_SIGMA, PAIR_SIGMA = 0.05, 0.20, 0.14
-"""m; σ of the centre of a body, and of a walker's by one shin and by both: they swing."""
+"""m; σ of the centre of a body, and of a walker's by one shin and by both."""
 
 BEHIND_SHIN, ARC = 0.05, 0.785
 """m, and radii, by which a centre is behind the mean of the echoes."""
@@ -178,8 +178,8 @@ def find_centre(
     """Write the centre of a segment's body and its σ.
 
     A narrow one is a shin. Otherwise the body is a circle, as wide as its track has
-    been seen (``width``) and at most of ``radius``, m. It is fitted to the echoes from a
-    guess behind their mean; where one side is hidden, the guess is from the other.
+    been seen (``width``) and at most of ``radius``, m. It is fitted to the echoes from
+    a guess behind their mean; where one side is hidden, the guess is from the other.
     """
     s = segment
     if width < THIN:
@@ -399,7 +399,7 @@ def move_track(tracks: Array, source: int, target: int) -> None:
 
 @compiled_once
 def drop_doubles(tracks: Array, count: int) -> int:
-    """Drop the newer, or the unconfirmed, of two tracks of one body; return the rest."""
+    """Drop the newer or unconfirmed of two tracks of one body; return how many stay."""
     a = 0
     while a < count:
         b = a + 1

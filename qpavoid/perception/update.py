@@ -432,7 +432,7 @@ def obstacles_at(
             )
             x, y = c * d_x + s * d_y, c * d_y - s * d_x
             v_x, v_y = c * t[V_X] + s * t[V_Y], c * t[V_Y] - s * t[V_X]
-            body = Rigid(t[COVER], v_x, v_y, 0.0, (x, y), float(count + discs))
+            body = Rigid(t[COVER], v_x, v_y, 0.0, (x, y), count + discs)
             set_capsule(found.capsules, discs, Segment(x, y, x, y), body)
             discs += 1
     return count, discs

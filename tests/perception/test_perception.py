@@ -103,12 +103,17 @@ def test_nothing_moves_in_a_room_at_rest_whatever_the_robot_does(rate):
 def test_every_echo_is_a_point_or_in_a_disc():
     rng, perception = np.random.default_rng(3), qp.Perception(ROBOT)
     for time in np.arange(0.0, 9.0, 0.1):
-        people = [walk(time), (walk(time)[0], 2.15, 0.25), (2.5, 3.5 - 0.6 * time, 0.25)]
+        people = [
+            walk(time),
+            (walk(time)[0], 2.15, 0.25),
+            (2.5, 3.5 - 0.6 * time, 0.25),
+        ]
         pose = (0.0, -1.0, 0.3 * time)
         ranges = ray_ranges(pose, people) + 0.01 * rng.standard_normal(BEAMS)
         found = perception.update(ranges, time, pose)
         echoes = ranges[:, None] * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
-        apart = np.hypot(*(echoes[:, None] - found.points).transpose(2, 0, 1)).min(axis=1)
+        away = (echoes[:, None] - found.points).transpose(2, 0, 1)
+        apart = np.hypot(*away).min(axis=1)
         for x, y, r in found.discs:
             apart = np.minimum(apart, np.hypot(*(echoes - (x, y)).T) - r)
         assert apart.max() < 0.05  # the alignment moves points by as much
@@ -161,8 +166,9 @@ def test_unknown_ranges_free_nothing(value):
 @pytest.mark.parametrize("meaning", ["free", "unknown", "auto"])
 @pytest.mark.parametrize("lost", [0.0, 0.1])
 def test_no_echo_is_free_where_nearly_none_is_lost(meaning, lost):
-    rng, perception = np.random.default_rng(4), qp.Perception(
-        ROBOT, qp.Lidar(no_echo=meaning)
+    rng, perception = (
+        np.random.default_rng(4),
+        qp.Perception(ROBOT, qp.Lidar(no_echo=meaning)),
     )
     for k in range(30):
         ranges = ray_ranges((0.0, 0.0, 0.0))
@@ -170,7 +176,8 @@ def test_no_echo_is_free_where_nearly_none_is_lost(meaning, lost):
         ranges[:60] = math.inf
         perception.update(ranges, 0.1 * k, (0.0, 0.0, 0.0))
     explained = perception.explain()
-    i, j = ((np.array([-3.0, -1.5]) - explained.origin) / explained.resolution).astype(int)
+    place = np.subtract((-3.0, -1.5), explained.origin) / explained.resolution
+    i, j = place.astype(int)
     free = explained.grid[j, i] >= 0
     assert free == (meaning == "free" or (meaning == "auto" and lost == 0.0))
 
@@ -293,15 +300,19 @@ def test_a_lidar_that_cannot_be_is_refused(wrong):
         qp.Lidar(**wrong)
 
 
+ODDS = 0.4, 0.3, 0.1, 0.1, 0.04, 0.03, 0.03
+"""Of the coordinates of hostile poses."""
+
+
 def test_hostile_updates_raise_the_packages_errors_alone(hostile=3000):
     rng = np.random.default_rng(5)
     perception = qp.Perception(ROBOT, qp.Lidar(no_echo="free"))
-    values = np.array([0.0, -1.0, 1e-300, 0.1, 3.0, 9.99, 10.0, 1e300, math.inf, math.nan])
+    values = np.array([0.0, -1.0, 1e-300, 0.1, 3.0, 9.99, 10.0, 1e300, np.inf, np.nan])
     time = 0.0
     for _ in range(hostile):
         time += rng.choice([0.0, 1e-9, 0.05, 0.1, 3.0, -0.01, math.nan])
         time = 0.0 if math.isnan(time) else time
-        pose = rng.choice([0.0, 1e-3, 1.0, -2.0, 9e6, 1e12, math.nan], 3, p=[0.4, 0.3, 0.1, 0.1, 0.04, 0.03, 0.03])
+        pose = rng.choice([0.0, 1e-3, 1.0, -2.0, 9e6, 1e12, math.nan], 3, p=ODDS)
         kind = rng.integers(3)
         ranges = rng.choice(values, 90) if kind == 0 else rng.uniform(0.2, 12.0, 90)
         ranges = np.repeat(rng.uniform(0.3, 9.0, 9), 10) if kind == 2 else ranges

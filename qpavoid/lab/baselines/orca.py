@@ -11,11 +11,11 @@ from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import MissingExtraError
-from qpavoid.lab.baselines.discs import round_robot
 from qpavoid.lab.baselines.drive import (
     RELAXED_FROM,
     Baseline,
     Command,
+    round_robot,
     wide_discs,
     wide_still,
 )

@@ -1,11 +1,13 @@
 """Common part of predictive methods: obstacles as discs, start from the last plan."""
 
+import math
 from collections.abc import Callable, Iterable
-from typing import NamedTuple, Protocol, TypeVar
+from typing import Annotated, NamedTuple, Protocol, TypeVar
 
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.compiled import compiled_once, entry, entry_if
 from qpavoid.lab.baselines.drive import (
     FAILED,
     RELAXED_FROM,
@@ -14,9 +16,19 @@ from qpavoid.lab.baselines.drive import (
     stepping,
     wide_discs,
 )
+from qpavoid.model.contact import point_contact
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
-from qpavoid.types import Array, Twist
+from qpavoid.types import (
+    Array,
+    Discs,
+    Edges,
+    Matrix,
+    MatrixWritten,
+    Sizes,
+    Twist,
+    Vector,
+)
 
 PERIOD = 0.1
 """s; period of planning."""
@@ -109,3 +121,66 @@ def replanning(
         return command_of((v, omega), kept.depth)
 
     return stepping(robot, settings.dt, last, plan, PERIOD)
+
+
+NO_DISC = (1e3, 1e3, 0.0, 0.0, 0.0)
+"""Absent obstacle: x, y, radius, m, and velocity."""
+
+
+@entry
+@compiled_once
+def _nearest_discs_fits(
+    edges: Edges,
+    discs: Discs,
+    poses: Annotated[Matrix, Sizes(2, 3)],
+    at: Vector,
+    near: Annotated[MatrixWritten, Sizes(0, 5)],
+) -> bool:
+    """Return whether each stage has a time."""
+    all_fit: bool = at.shape[0] >= poses.shape[0] - 1
+    return all_fit
+
+
+@entry_if(_nearest_discs_fits)
+@compiled_once
+def nearest_discs(
+    edges: Edges,
+    discs: Discs,
+    poses: Annotated[Matrix, Sizes(2, 3)],
+    at: Vector,
+    near: Annotated[MatrixWritten, Sizes(0, 5)],
+) -> None:
+    """Fill in the discs (N·n, 5) nearest to the footprint at each stage.
+
+    Args:
+        edges: Of the footprint.
+        discs: (m, 5) of :func:`qpavoid.lab.baselines.drive.wide_discs`.
+        poses: (N + 1, 3) predicted poses of the robot; the first is the present one.
+        at: (N,) times, s.
+        near: Filled in; absent discs are :data:`NO_DISC`.
+    """
+    stages = poses.shape[0] - 1
+    count = near.shape[0] // stages
+    for k in range(stages):
+        x, y, time = poses[k + 1, 0], poses[k + 1, 1], at[k]
+        heading = poses[k + 1, 2]
+        cos, sin = math.cos(heading), math.sin(heading)
+        last, number = -math.inf, -1
+        for j in range(k * count, (k + 1) * count):
+            least, found = math.inf, -1
+            near[j, 0], near[j, 1], near[j, 2], near[j, 3], near[j, 4] = NO_DISC
+            for i in range(discs.shape[0]):
+                radius, v_x, v_y = discs[i, 2], discs[i, 3], discs[i, 4]
+                d_x = discs[i, 0] + time * v_x - x
+                d_y = discs[i, 1] + time * v_y - y
+                touch = point_contact(
+                    edges, cos * d_x + sin * d_y, cos * d_y - sin * d_x
+                )
+                gap = touch.distance - radius
+                # The next after the last one found, equal ones by their number: sorts
+                # without an array and without repetition.
+                if gap < least and (gap > last or (gap == last and i > number)):
+                    least, found = gap, i
+                    near[j, 0], near[j, 1], near[j, 2] = d_x + x, d_y + y, radius
+                    near[j, 3], near[j, 4] = v_x, v_y
+            last, number = least, found

@@ -16,8 +16,7 @@ from typing import Annotated
 import numpy as np
 
 from qpavoid.avoidance.barrier_rows import SPEED_AT_REST
-from qpavoid.lab.planning.grid import Grid, costs_of
-from qpavoid.lab.planning.search import cheapest_way, length
+from qpavoid.lab.planning.grid import Grid, cheapest_way, costs_of, length
 from qpavoid.model.given import NO_POINTS
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.obstacles import Obstacles

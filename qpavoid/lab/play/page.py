@@ -30,7 +30,7 @@ from qpavoid.lab.simulation.config import find_config, read_document
 from qpavoid.lab.simulation.methods import OURS, REGISTRY
 from qpavoid.lab.simulation.scenario import Scenario, make_scenario
 from qpavoid.lab.simulation.schema import Preset
-from qpavoid.lab.simulation.schema_base import UNITS, attributes_of
+from qpavoid.lab.simulation.tables import UNITS, attributes_of
 from qpavoid.lab.study.report.page import as_json, part
 from qpavoid.model.capsules import TURN, V_X, X1, Y1
 from qpavoid.model.robot import Limits, Robot
@@ -64,7 +64,7 @@ RECORD_NAMES = {
 """Names in the compiled record, where they are not those of the fields."""
 
 NOT_PLAYED = (
-    *("estimation", "sight_m", "lidar", "clusters", "localisation"),
+    *("estimation", "sight_m", "lidar", "perception", "localisation"),
     *("plant", "planner", "robots"),
 )
 """Of a scenario: here robots know where they and all obstacles are, and drive so."""

@@ -26,12 +26,16 @@ from qpavoid.model.capsules import (
 )
 from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import Obstacles
+from qpavoid.perception import settings as perceived
 from qpavoid.settings import FINITE, NO_KEY, SHARE, Range, check
 from qpavoid.types import Array, Arrays, Points, Pose, VectorWritten
 
 MOUNT = ("mount_x_m", "mount_y_m", "mount_heading_rad")
 ROUND = Range(gt=0.0, le=2 * math.pi + 1e-9, allow_inf_nan=False)
 SOME = Range(gt=0.0, le=1e6, allow_inf_nan=False)
+ALL_ROUND = 2.0 * math.pi - 1e-6
+"""rad; the first beam of such a view is beside the last."""
+
 NONE_OR_SOME = Range(ge=0.0, le=1e6, allow_inf_nan=False)
 
 
@@ -51,7 +55,8 @@ class LidarSettings:
         seed: Of noise and dropouts.
         mount: x, y (m), γ (rad) of the sensor in the robot frame.
         point_radius: Radius of points of the world, m, since a ray never hits a point.
-        tracks: Whether moving clusters become discs with velocities.
+        perception: Whether scans become static and moving obstacles by
+            :class:`~qpavoid.perception.perception.Perception`; else all are points.
     """
 
     field_of_view: Annotated[float, "rad", ROUND] = 2 * math.pi
@@ -64,7 +69,7 @@ class LidarSettings:
     seed: Annotated[int, NO_KEY, Range(ge=0)] = 0
     mount: Annotated[Pose, FINITE, MOUNT] = (0.0, 0.0, 0.0)
     point_radius: Annotated[float, "m", NONE_OR_SOME] = 0.02
-    tracks: bool = False
+    perception: bool = True
 
     def __post_init__(self) -> None:
         check(self, "a LiDAR needs")
@@ -76,16 +81,19 @@ class Lidar:
     Attributes:
         settings: Of the sensor.
         taken: Time of the last scan that was output, s; NaN before.
+        pose: True pose of the robot then, m and rad.
+        last: (n,) its ranges, m; ``inf`` without an echo or after a dropout.
     """
 
     def __init__(self, settings: LidarSettings | None = None) -> None:
         self.settings = settings if settings is not None else LidarSettings()
-        self.taken = math.nan
+        self.taken, self.last = math.nan, np.empty(0)
+        self.pose: Pose = (0.0, 0.0, 0.0)
         n, view = self.settings.beams, self.settings.field_of_view
         angles = view * ((np.arange(n) + 0.5) / n - 0.5)
         self._beams: Array = np.column_stack([np.cos(angles), np.sin(angles)])
         self._random = np.random.default_rng(self.settings.seed)
-        self._scans: deque[tuple[float, Obstacles]] = deque()
+        self._scans: deque[tuple[float, Pose, Array]] = deque()
         self._clock = Clock(self.settings.rate)
 
     def scan(
@@ -109,11 +117,12 @@ class Lidar:
         """
         if self._clock.ticks(time):
             ranges = self._measure(self.ranges(pose, obstacles))
-            self._scans.append((time, Obstacles(self._echoes(pose, ranges))))
+            self._scans.append((time, pose, ranges))
         known = time - self.settings.latency + SOON
         while len(self._scans) > 1 and self._scans[1][0] <= known:
             self._scans.popleft()
-        self.taken, echoes = self._scans[0]
+        self.taken, self.pose, self.last = self._scans[0]
+        echoes = Obstacles(self._echoes(self.pose, self.last))
         return echoes.seen_from(pose).points
 
     def ranges(self, pose: Pose, obstacles: Obstacles) -> Array:
@@ -125,6 +134,19 @@ class Lidar:
         cast_rays(self._beams, seen, self.settings.point_radius, ranges)
         return ranges
 
+    @property
+    def geometry(self) -> perceived.Lidar:
+        """The same sensor for perception, where beams begin at the edge of the view."""
+        s = self.settings
+        step, round_ = s.field_of_view / s.beams, s.field_of_view > ALL_ROUND
+        x, y, heading = s.mount
+        return perceived.Lidar(
+            field_of_view=s.field_of_view if round_ else s.field_of_view - step,
+            mount=(x, y, heading + 0.5 * step if round_ else heading),
+            range_max=s.range,
+            range_min=0.0,
+        )
+
     def _sensor(self, pose: Pose) -> Pose:
         (x, y, heading), (ahead, left, turned) = pose, self.settings.mount
         cos, sin = math.cos(heading), math.sin(heading)
@@ -135,7 +157,7 @@ class Lidar:
         )
 
     def _measure(self, ranges: Array) -> Array:
-        """Return ranges with noise; NaN without an echo or after a dropout."""
+        """Return ranges with noise; ``inf`` without an echo or after a dropout."""
         # Noise is drawn for every beam, with an echo or without, so that beams are
         # independent of each other.
         none = ranges >= self.settings.range
@@ -144,10 +166,10 @@ class Lidar:
             ranges = np.maximum(ranges + self.settings.noise * noise, 0.0)
         if self.settings.dropout:
             none |= self._random.random(len(ranges)) < self.settings.dropout
-        return np.where(none, np.nan, ranges)
+        return np.where(none, np.inf, ranges)
 
     def _echoes(self, pose: Pose, ranges: Array) -> Array:
-        echo = ~np.isnan(ranges)
+        echo = np.isfinite(ranges)
         return to_world(ranges[echo, None] * self._beams[echo], self._sensor(pose))
 
 

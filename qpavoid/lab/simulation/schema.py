@@ -5,31 +5,204 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
+from qpavoid.errors import InvalidInputError
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.planning.planner import PlannerSettings
-from qpavoid.lab.sensing.clusters import ClusterSettings
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
-from qpavoid.lab.sensing.physics import Physics
-from qpavoid.lab.sensing.physics_model import Patch
+from qpavoid.lab.sensing.physics import Patch, Physics
 from qpavoid.lab.sensing.plant import Plant
-from qpavoid.lab.simulation.schema_base import (
+from qpavoid.lab.simulation.tables import (
     Finite,
     Natural,
     NotNegative,
     Point,
     Positive,
     Strict,
+    Table,
+    absent,
+    keyed,
     ordered,
+    with_tables,
 )
-from qpavoid.lab.simulation.schema_obstacles import ObstacleModel
-from qpavoid.lab.simulation.tables import Table, absent, keyed, with_tables
 from qpavoid.model.estimate import EstimatorSettings
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits
+from qpavoid.perception.settings import PerceptionSettings
 from qpavoid.tracking.clock import Waiting
 from qpavoid.tracking.kanayama import Gains
 from qpavoid.tracking.path import CubicPath, SplinePath
 from qpavoid.tracking.station import StationKeeping
+
+MOST_OBSTACLES = 10_000
+"""In a scenario, but for points and the walls of maps."""
+
+
+class DiscModel(Strict):
+    """A disc at rest or with a constant velocity; radius 0 is a point.
+
+    Attributes:
+        kind: A disc.
+        position_m: Centre at the start.
+        radius_m: Of the disc.
+        velocity_mps: Constant.
+    """
+
+    kind: Literal["disc"]
+    position_m: Point
+    radius_m: NotNegative = 0.0
+    velocity_mps: Point = (0.0, 0.0)
+
+
+class WaypointsModel(Strict):
+    """A disc that moves along straight lines, and stands before and after.
+
+    Or, fleeting, is not there before and after.
+
+    Attributes:
+        kind: A disc under way.
+        times_s: When it is at each position; they increase.
+        positions_m: Where.
+        radius_m: Of the disc.
+        fleeting: It is there from the first time to the last only.
+    """
+
+    kind: Literal["waypoints"]
+    times_s: list[Finite]
+    positions_m: list[Point]
+    radius_m: NotNegative = 0.0
+    fleeting: bool = False
+
+
+class WallModel(Strict):
+    """A straight wall.
+
+    Attributes:
+        kind: A wall.
+        start_m: One end.
+        end_m: The other.
+    """
+
+    kind: Literal["wall"]
+    start_m: Point
+    end_m: Point
+
+
+class PolygonModel(Strict):
+    """A convex polygon, counter-clockwise, at rest or moving and turning steadily.
+
+    The velocity is that of the centroid of its area, about which it turns. Or it is
+    pushed about without turning, along straight lines between way-points.
+
+    Attributes:
+        kind: A convex polygon.
+        vertices_m: Corners at the start, counter-clockwise.
+        velocity_mps: Of its centroid.
+        turn_rate_radps: Counter-clockwise.
+        times_s: Of a pushed one, when it is at each shift; they increase.
+        shifts_m: How far it then is from its corners given.
+    """
+
+    kind: Literal["polygon"]
+    vertices_m: list[Point]
+    velocity_mps: Point = (0.0, 0.0)
+    turn_rate_radps: Finite = 0.0
+    times_s: list[Finite] = Field(default_factory=list)
+    shifts_m: list[Point] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _pushed(self) -> "PolygonModel":
+        if len(self.times_s) != len(self.shifts_m):
+            raise ValueError("as many shifts_m as times_s are wanted")
+        if self.times_s and (any(self.velocity_mps) or self.turn_rate_radps):
+            raise ValueError("what is pushed has no velocity_mps or turn_rate_radps")
+        return self
+
+    @model_validator(mode="after")
+    def _convex(self) -> "PolygonModel":
+        try:
+            Obstacles(polygons=[self.vertices_m])
+        except InvalidInputError as error:
+            raise ValueError(str(error).replace("polygons[0]", "vertices_m")) from None
+        return self
+
+
+class PointsModel(Strict):
+    """Points at rest from a CSV or NPY file beside the scenario file.
+
+    Attributes:
+        kind: Points.
+        file: CSV with columns x, y, or NPY (N, 2), in m.
+    """
+
+    kind: Literal["points"]
+    file: str
+
+
+class RandomModel(Strict):
+    """Discs drawn from the scenario's seed, uniformly in a box.
+
+    Attributes:
+        kind: Discs at random.
+        count: How many.
+        low_m: Lower left corner of the box of centres.
+        high_m: Upper right corner.
+        radius_low_m: Least radius.
+        radius_high_m: Greatest radius.
+        speed_high_mps: Greatest speed; directions are drawn too.
+    """
+
+    kind: Literal["random"]
+    count: Annotated[int, Field(ge=1, le=MOST_OBSTACLES)]
+    low_m: Point
+    high_m: Point
+    radius_low_m: NotNegative = 0.0
+    radius_high_m: NotNegative = 0.3
+    speed_high_mps: NotNegative = 0.0
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "RandomModel":
+        lows, highs = (*self.low_m, self.radius_low_m), self.high_m
+        ordered(lows, (*highs, self.radius_high_m))
+        return self
+
+
+class BarnModel(Strict):
+    """All cylinders of a BARN world.
+
+    Attributes:
+        kind: A BARN world.
+        world: Its number.
+    """
+
+    kind: Literal["barn"]
+    world: Natural
+
+
+class MapModel(Strict):
+    """All walls of a map_server map, beside the scenario file or in the data folder.
+
+    Attributes:
+        kind: An occupancy map.
+        file: The map's YAML.
+    """
+
+    kind: Literal["map"]
+    file: str
+
+
+ObstacleModel = Annotated[
+    DiscModel
+    | WaypointsModel
+    | WallModel
+    | PolygonModel
+    | PointsModel
+    | RandomModel
+    | BarnModel
+    | MapModel,
+    Field(discriminator="kind"),
+]
+
 
 MOST_ROBOTS = 200
 """In an entry; each is a scenario, and sees all others."""
@@ -338,7 +511,7 @@ class ScenarioModel(Strict):
         planner: Of ``astar+`` and ``dijkstra+``.
         sight_m: What is farther away is not seen.
         lidar: The robot sees points alone, by a LiDAR.
-        clusters: How points of a scan are put together, for methods that want discs.
+        perception: What is known about moving bodies, for LiDARs.
         localisation: The pose is measured, not known.
         plant: The base is no ideal unicycle.
         obstacles: All that is in the way.
@@ -365,7 +538,7 @@ class ScenarioModel(Strict):
     planner: Table[PlannerSettings] = absent(PlannerSettings)
     sight_m: Annotated[float, Field(gt=0)] = float("inf")
     lidar: Table[LidarSettings] | None = None
-    clusters: Table[ClusterSettings] = absent(ClusterSettings)
+    perception: Table[PerceptionSettings] = absent(PerceptionSettings)
     localisation: Annotated[LocalisationModel, Field(discriminator="kind")] | None = (
         None
     )

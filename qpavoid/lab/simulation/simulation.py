@@ -1,14 +1,22 @@
 """The closed loop of one robot, a control step at a time, in a world given to it."""
 
 import math
+from collections.abc import Callable
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
-from qpavoid.avoidance.controllers import StepContext
+import numpy as np
+
+from qpavoid.avoidance.controllers import Controller, FilterController, StepContext
 from qpavoid.avoidance.decision import BLOCKED, Decision
 from qpavoid.avoidance.scene import Setup
+from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.guide.guide import PathTracking
-from qpavoid.lab.planning.planner import standing
+from qpavoid.guide.stage import GuideStage, Tracking
+from qpavoid.guide.state import Progress
+from qpavoid.lab.planning.planner import Planner, PlanningProblem, standing
+from qpavoid.lab.sensing.lidar import Lidar
+from qpavoid.lab.sensing.physics import Physics
 from qpavoid.lab.sensing.plant import Drive
 from qpavoid.lab.simulation.clearance import (
     Motion,
@@ -16,21 +24,208 @@ from qpavoid.lab.simulation.clearance import (
     greatest_pace,
     room_on_the_way,
 )
-from qpavoid.lab.simulation.explain import NOT_EXPLAINED, QPRecord, QPRecorder
 from qpavoid.lab.simulation.log import LogRow
 from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.simulation.methods import find_method, make_controller
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
-from qpavoid.lab.simulation.sensors import make_localisation, make_plant, make_sensor
-from qpavoid.lab.simulation.stages import make_guide, make_planner
-from qpavoid.model.capsules import greatest_speed, like
+from qpavoid.model.capsules import PIVOT_X, V_X, V_Y, X1, X2, Y1, greatest_speed, like
 from qpavoid.model.contacts import contact_at, contact_table, empty_contacts
+from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
 from qpavoid.model.kinematics import integrate
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import limit_twist, limits_of
+from qpavoid.model.robot import GREATEST, Robot, limit_twist, limits_of
+from qpavoid.perception.perception import Perception
 from qpavoid.qp.solve import find_back_end
 from qpavoid.tracking.kanayama import tracking_error
-from qpavoid.types import Twist
+from qpavoid.types import Array, Pose, Twist
+
+MOST_PLANES = 16
+"""Rows that are kept of a step: those nearest to the twist aimed at."""
+
+
+class QPRecord(NamedTuple):
+    """The QP of one step.
+
+    Attributes:
+        limits: Least and greatest v (m/s), least and greatest ω (rad/s) of this step,
+            and the twist aimed at: the desired one, or where the look-ahead turned it.
+        planes: (:data:`MOST_PLANES`, 4) rows a_v, a_ω, b, obstacle with
+            a_v v + a_ω ω ≥ b, NaN where there are fewer; obstacle −1: a limit of the
+            robot.
+    """
+
+    limits: tuple[float, float, float, float, float, float]
+    planes: Array
+
+
+NOT_EXPLAINED = QPRecord((math.nan,) * 6, np.empty((0, 4)))
+
+
+class QPRecorder:
+    """Sets up at every step the QP that the filter would solve; it drives nothing.
+
+    Args:
+        robot: Footprint and limits.
+        settings: Of the filter.
+        driver: The controller that drives. The filters are gone along with
+            step by step, since they remember; of all others the rows of the present
+            are shown.
+    """
+
+    def __init__(
+        self, robot: Robot, settings: AvoidanceSettings, driver: Controller
+    ) -> None:
+        self._filters = isinstance(driver, FilterController)
+        if not isinstance(driver, FilterController):
+            driver = FilterController(robot, settings, ahead=False)
+        self._safety = driver.fresh()
+
+    def look(self, v: float, omega: float, seen: Obstacles) -> QPRecord:
+        """Return the QP for a desired twist among obstacles, robot frame."""
+        problem = self._safety.problem(v, omega, seen)
+        aim, size = problem.desired, np.hypot(*problem.A.T)
+        turns = np.flatnonzero(size > 0.0)
+        room = (problem.A[turns] @ aim - problem.b[turns]) / size[turns]
+        kept = turns[np.argsort(room, kind="stable")[:MOST_PLANES]]
+        planes = np.full((MOST_PLANES, 4), np.nan)
+        planes[: len(kept), :2] = problem.A[kept]
+        planes[: len(kept), 2] = problem.b[kept]
+        planes[: len(kept), 3] = problem.obstacle[kept]
+        box = zip(problem.lower.tolist(), problem.upper.tolist(), strict=True)
+        (v_low, v_high), (omega_low, omega_high) = box
+        return QPRecord((v_low, v_high, omega_low, omega_high, *aim.tolist()), planes)
+
+    def reset(self, v: float, omega: float) -> None:
+        """Forget everything but that the robot drives (v, ω)."""
+        self._safety.reset(v, omega)
+
+    def follow(
+        self, desired: tuple[float, float], seen: Obstacles, driven: tuple[float, float]
+    ) -> None:
+        """Remember what was driven in the step looked at last."""
+        if self._filters:
+            self._safety.filter(*desired, seen)
+        else:
+            self._safety.reset(*driven)
+
+
+Sensor: TypeAlias = Callable[[float, Obstacles, Pose], Obstacles]
+"""From time, obstacles (world frame) and the true pose to obstacles, robot frame."""
+
+Locate: TypeAlias = Callable[[Pose, float, tuple[float, float], float], Pose]
+"""From the true pose, time, the wheels' twist and dt to the pose believed."""
+
+
+def make_sensor(scenario: Scenario) -> Sensor:
+    """Return what sees the obstacles: a LiDAR, an estimator, or the truth."""
+    if scenario.sensor is not None:
+        return scenario.sensor.start()
+    if scenario.lidar is not None:
+        return _scanner(scenario)
+    if scenario.estimation is not None:
+        return _estimator(scenario.estimation)
+    if scenario.sight == math.inf:
+        return lambda time, obstacles, pose: obstacles.seen_from(pose)
+    sight = scenario.sight
+    return lambda time, obstacles, pose: obstacles.seen_from(pose).within(sight)
+
+
+def make_localisation(scenario: Scenario) -> Locate:
+    """Return the localisation of a run."""
+    if scenario.localisation is None:
+        return lambda pose, time, wheels, dt: pose
+    return scenario.localisation.start(scenario.start)
+
+
+def make_plant(scenario: Scenario) -> Callable[[float, float, float], Drive]:
+    """Return the plant: commanded twist to that of the wheels and over ground."""
+    if scenario.plant is None:
+        return lambda v, omega, dt: Drive((v, omega), (v, omega))
+    if isinstance(scenario.plant, Physics):
+        return scenario.plant.start(scenario.start)
+    return scenario.plant.start()
+
+
+def _scanner(scenario: Scenario) -> Sensor:
+    """Return a LiDAR: points, or what perception makes of its scans."""
+    lidar = Lidar(scenario.lidar)
+    perception = Perception(scenario.robot, lidar.geometry, scenario.perception)
+
+    def see(time: float, obstacles: Obstacles, pose: Pose) -> Obstacles:
+        points = lidar.scan(pose, time, obstacles)
+        if not lidar.settings.perception:
+            return Obstacles(points)
+        perception.update(lidar.last, lidar.taken, lidar.pose)
+        return perception.obstacles(time, pose)
+
+    return see
+
+
+def _estimator(settings: EstimatorSettings) -> Sensor:
+    """Return a Kalman filter of the velocities of discs; all else is known exactly."""
+    estimator = VelocityEstimator(settings)
+
+    def see(time: float, obstacles: Obstacles, pose: Pose) -> Obstacles:
+        discs, capsules = obstacles.is_disc, obstacles.capsules.copy()
+        places = capsules[discs, X1 : Y1 + 1]
+        motion = estimator.update(time, range(len(places)), places)
+        for begin in (X1, X2, PIVOT_X):
+            capsules[discs, begin : begin + 2] = motion.positions
+        capsules[discs, V_X : V_Y + 1] = motion.velocities
+        return Obstacles.of(obstacles.points, capsules).seen_from(pose)
+
+    return see
+
+
+Round: TypeAlias = Callable[[Obstacles, Tracking], tuple[Twist, bool]]
+"""From obstacles, robot frame, and what tracking does to the twist that leads round
+what is in the way, and whether there is none."""
+
+CALM = 0.5
+"""m/s²; how a planned path gains and loses speed at most, if no reference says it."""
+
+
+def make_planner(
+    scenario: Scenario, search: str, plan: Array, goal: Pose
+) -> Planner | None:
+    """Return the global planner, or none where the method has no search.
+
+    It goes as fast as the scenario's own reference ``plan`` does, and gains speed as
+    its path does; where that stands, as fast as the robot may.
+    """
+    if not search:
+        return None
+    limits, half = scenario.robot.limits, abs(scenario.robot.footprint.vertices[:, 1])
+    problem = PlanningProblem(
+        start=scenario.start,
+        goal=goal,
+        keep=float(half.max()) + scenario.settings.radius.r_min(),
+        speed=min(
+            float(abs(plan[:, 3]).max()) or GREATEST, limits.v_max, limits.wheel_speed
+        ),
+        turn_rate=min(limits.omega_max, -limits.omega_min, GREATEST),
+        acceleration=min(
+            limits.acceleration, getattr(scenario.path, "acceleration", CALM)
+        ),
+        times=scenario.times,
+    )
+    chart = Obstacles(scenario.world.points, walls=scenario.world.walls)
+    return Planner(search, problem, scenario.planner, chart)
+
+
+def make_guide(scenario: Scenario) -> Round:
+    """Return the guide of a run; without one the desired twist is handed on."""
+    if scenario.guide is None:
+        return lambda _, tracking: (tracking.desired, False)
+    robot, law = scenario.robot, scenario.tracker.array
+    stage = GuideStage(robot, scenario.guide, scenario.settings, law).start()
+
+    def round_(seen: Obstacles, tracking: Tracking) -> tuple[Twist, bool]:
+        progress, v, omega = stage(seen, tracking)
+        return (v, omega), progress is Progress.BLOCKED
+
+    return round_
+
 
 DENSE, EXTRA = 200, 0.1
 """Obstacles; m of the nearest of so many that are looked at more than is needed."""

@@ -42,8 +42,6 @@ SET_BACK = 1.0
 COMMANDS = "cmd_vel_in", "cmd_vel_nav", "cmd_vel_smoothed", "cmd_vel"
 """How commands are called, the first that there is: before a monitor, then after."""
 
-LASER = "laser"
-
 MOST_BAG = 100_000_000_000
 """Bytes of a file of a bag; only the chosen messages are held."""
 

@@ -61,7 +61,7 @@ r_min_fast_m = 0.15
 # beams = 360
 # range_m = 10.0
 # noise_m = 0.01
-# tracks = true  # moving discs are made of the scans
+# perception = false  # points alone, in place of static and moving obstacles
 
 [[obstacles]]
 kind = "disc"  # a post beside the way

@@ -45,9 +45,6 @@ UNEXPLAINED = 0.8
 STAMPED, COARSE = 1e-3, 0.01
 """s; stamps are no more exact, and the search begins with delays no nearer."""
 
-NAMES = "delay_s", "ramp_s2pm", "ramp_s2prad", "slip", "factor"
-"""Of what is fitted; a ramp is 1 over its acceleration."""
-
 SAMPLES = 20
 """Samples."""
 

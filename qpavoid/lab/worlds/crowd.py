@@ -19,9 +19,9 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from qpavoid.errors import DataError
+from qpavoid.errors import DataError, UnknownNameError
 from qpavoid.files import read_text, reading
-from qpavoid.lab.planning.search import length
+from qpavoid.lab.planning.grid import length
 from qpavoid.lab.worlds.source import FAR, find_file
 from qpavoid.stamps import file_digest
 from qpavoid.types import Array
@@ -170,30 +170,30 @@ class Task(NamedTuple):
 
 
 def find_scene(scene: str, data: str | os.PathLike[str] | None) -> Path:
-    """Return the track file of a scene, which may be the path of one.
+    """Return the track file of a scene.
 
     Raises:
+        UnknownNameError: No such scene.
         DataError: No data folder, or no such file in it.
     """
     if scene not in SCENES:
-        return Path(scene)
+        raise UnknownNameError("crowd", scene, SCENES)
     folders = [f"{folder}{SCENES[scene]}" for folder in ("opentraj/", "")]
     return find_file("pedestrian tracks", "obsmat.txt", data, folders)
 
 
 @lru_cache(maxsize=8)
-def read_tasks(path: Path, fps: float | None = None) -> tuple[Task, ...]:
+def read_tasks(path: Path) -> tuple[Task, ...]:
     """Return all tasks of a track file, by the id of the human.
 
     Args:
-        path: The track file.
-        fps: Frames a second; of a published set they are known.
+        path: The track file, in the folder of a published set.
 
     Raises:
         DataError: As :func:`read_tracks` does, no track is a task, speeds
             are implausible in m and s, or a track jumps.
     """
-    people = read_tracks(path, SET_FPS[path.parent.name] if fps is None else fps)
+    people = read_tracks(path, SET_FPS[path.parent.name])
     tasks = tuple(
         Task(human, tuple(other for other in people if other is not human))
         for human in people
@@ -215,13 +215,8 @@ def read_tasks(path: Path, fps: float | None = None) -> tuple[Task, ...]:
     return tasks
 
 
-def task_document(task: Task, seen_before: float = 0.0) -> dict[str, Any]:
+def task_document(task: Task) -> dict[str, Any]:
     """Return a task as a scenario file.
-
-    Args:
-        task: The task.
-        seen_before: Time for which the others are present before their records, s, with
-            their first velocity. With 0 they appear suddenly, possibly at the robot.
 
     The robot (a regular dodecagon of circumradius 0.25 m, |v| ≤ 1.6 m/s, |ω| ≤ 2 rad/s,
     3 m/s²) starts at the human's first position, heading for its last, on the same
@@ -266,28 +261,16 @@ def task_document(task: Task, seen_before: float = 0.0) -> dict[str, Any]:
         "filter": {"passive": True},
         "radius": {"r_min_slow_m": 0.05, "r_min_fast_m": 0.1},
         "obstacles": [
-            _walker(other, begin, seen_before)
+            {
+                "kind": "waypoints",
+                "times_s": (other.times - begin).round(6).tolist(),
+                "positions_m": other.positions.tolist(),
+                "radius_m": PERSON,
+                "fleeting": True,
+            }
             for other in task.others
-            if other.times[-1] > begin
-            and other.times[0] < begin + duration + seen_before
+            if other.times[-1] > begin and other.times[0] < begin + duration
         ],
-    }
-
-
-def _walker(person: Pedestrian, begin: float, seen_before: float) -> dict[str, Any]:
-    """Return a person as an obstacle, on a clock that is 0 at ``begin`` (s)."""
-    times, positions = person.times - begin, person.positions
-    if seen_before > 0.0 and len(times) > 1:
-        # Backwards from the beginning of the record, at its first velocity.
-        velocity = (positions[1] - positions[0]) / (times[1] - times[0])
-        times = np.append(times[0] - seen_before, times)
-        positions = np.vstack([positions[0] - seen_before * velocity, positions])
-    return {
-        "kind": "waypoints",
-        "times_s": times.round(6).tolist(),
-        "positions_m": positions.tolist(),
-        "radius_m": PERSON,
-        "fleeting": True,
     }
 
 
@@ -296,33 +279,27 @@ class Crowd:
     """Recorded pedestrians, one replaced, as a source of scenes.
 
     Attributes:
-        scene: One of :data:`SCENES`, or the path of a track file.
+        scene: One of :data:`SCENES`.
         data: Folder of published data sets.
-        seen_before: s; see :func:`task_document`.
-        fps: Frames a second of a track file that is no published set.
     """
 
     scene: Annotated[str, ("scene",)]
     data: str | None = None
-    seen_before: float = 0.0
-    fps: float | None = None
 
     @property
     def name(self) -> str:
         """Label in tables."""
-        early = f", seen {self.seen_before:g} s before" if self.seen_before else ""
-        return f"crowd {self.scene}{early}"
+        return f"crowd {self.scene}"
 
     @property
     def tasks(self) -> tuple[Task, ...]:
         """All of them, by the id of the human."""
-        return read_tasks(find_scene(self.scene, self.data), self.fps)
+        return read_tasks(find_scene(self.scene, self.data))
 
     def identity(self, data: str | None) -> str:
         """Return the scene, and the digest of its tracks."""
-        rate = "" if self.fps is None else f"{self.fps:g} fps "
-        return f"{self.name} {rate}" + file_digest(find_scene(self.scene, self.data))
+        return self.name + file_digest(find_scene(self.scene, self.data))
 
     def sample(self, seed: int | None = None) -> dict[str, Any]:
         """Return the scenario file of the task with this number."""
-        return task_document(self.tasks[seed or 0], self.seen_before)
+        return task_document(self.tasks[seed or 0])

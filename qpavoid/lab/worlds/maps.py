@@ -17,8 +17,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from qpavoid.errors import DataError
-from qpavoid.lab.planning.grid import Grid, costs_of
-from qpavoid.lab.planning.search import cheapest_way, length
+from qpavoid.lab.planning.grid import Grid, cheapest_way, costs_of, length
 from qpavoid.lab.worlds.map_server import find_map, map_digest, read_map
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.types import Array

@@ -67,16 +67,16 @@ class Sensed:
 
     Attributes:
         scene: Source of the scenes.
-        tracks: Whether the sensor gives discs with velocities, too.
+        perception: Whether moving obstacles have velocities; else all are points.
     """
 
     scene: Source
-    tracks: bool
+    perception: bool
 
     @property
     def name(self) -> str:
         """Label in tables."""
-        seen = "tracks" if self.tracks else "points"
+        seen = "tracks" if self.perception else "points"
         return f"{self.scene.name.rpartition('/')[2]} as {seen}"
 
     def identity(self, data: str | None) -> str:
@@ -90,5 +90,5 @@ class Sensed:
             "seed": seed or 0,
             "arrival_m": 0.3,
             "arrival_rad": 0.3,
-            "lidar": {"beams": 180, "noise_m": 0.01, "tracks": self.tracks},
+            "lidar": {"beams": 180, "noise_m": 0.01, "perception": self.perception},
         }

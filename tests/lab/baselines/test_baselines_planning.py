@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from guided import HERE, SETTINGS, SLOW_ROBOT, make, towards
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import Status
-from qpavoid.lab.baselines import nmpc, nmpc_program
+from qpavoid.lab.baselines import nmpc
 from qpavoid.lab.baselines.drive import reference_ahead, wide_discs
 from qpavoid.lab.baselines.mppi import (
     Judgement,
@@ -17,7 +17,6 @@ from qpavoid.lab.baselines.mppi import (
     depth_within,
     rollout,
 )
-from qpavoid.lab.baselines.nearest_discs import NO_DISC, nearest_discs
 from qpavoid.model.capsules import RADIUS
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
@@ -128,7 +127,7 @@ def test_nmpc_distance_is_that_of_the_polygon():
 
     vertices = tuple(map(tuple, ROBOT.footprint.vertices.tolist()))
     pose, point = ca.SX.sym("pose", 3), ca.SX.sym("point", 2)
-    distance = nmpc_program.polygon_distance(vertices, pose, point)
+    distance = nmpc.polygon_distance(vertices, pose, point)
     function = ca.Function("distance", [pose, point], [distance])
     rng = np.random.default_rng(0)
     for *there, x, y in rng.uniform(-1.5, 1.5, (200, 5)):
@@ -136,19 +135,11 @@ def test_nmpc_distance_is_that_of_the_polygon():
         assert float(function(there, (x, y))) == pytest.approx(expected, abs=1e-5)
 
 
-def test_nmpc_sees_both_posts_of_a_gate():
-    discs = wide_discs(Obstacles(points=[(1.0, 0.8), (1.0, -0.8)]), SETTINGS)
-    near = np.empty((3, 5))
-    nearest_discs(ROBOT.footprint.edges, discs, np.zeros((2, 3)), np.array([0.1]), near)
-    assert sorted(near[:2, 1]) == [-0.8, 0.8]
-    assert near[2].tolist() == list(NO_DISC)
-
-
 def test_nmpc_brakes_where_the_solver_fails(monkeypatch):
-    monkeypatch.setattr(nmpc_program, "IPOPT", {**nmpc_program.IPOPT, "max_iter": 0})
-    nmpc_program.make_program.cache_clear()
+    monkeypatch.setattr(nmpc, "IPOPT", {**nmpc.IPOPT, "max_iter": 0})
+    nmpc.make_program.cache_clear()
     step = make("nmpc", SLOW_ROBOT).start(0.5, 0.0)
     decision = step(0.5, 0.0, Obstacles(discs=[(1.5, 0.1, 0.3)]))
-    nmpc_program.make_program.cache_clear()
+    nmpc.make_program.cache_clear()
     braked = braking_twist(SLOW_ROBOT.limit_vector, 0.5, 0.0, SETTINGS.dt)
     assert decision[:3] == (*braked, Status.STOPPED)

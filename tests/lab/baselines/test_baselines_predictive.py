@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from guided import NAMES, SETTINGS, SLOW_ROBOT, make, towards
 from qpavoid.avoidance.decision import Status
 from qpavoid.errors import MissingExtraError
-from qpavoid.lab.baselines.discs import round_robot
-from qpavoid.lab.baselines.drive import wide_discs
+from qpavoid.lab.baselines.drive import round_robot, wide_discs
 from qpavoid.lab.baselines.orca import (
     Near,
     OrcaController,

@@ -50,13 +50,6 @@ def test_free_time_is_that_of_a_fine_rollout(seed, v, omega, margin):
         assert min(clearance(obstacles, pose) for pose in poses) <= margin + 1e-9
 
 
-def test_what_is_too_near_already_may_be_left():
-    for x in (-0.46, -0.40):  # within the margin, and inside the footprint
-        arrays = Obstacles(points=[[x, 0.0]]).arrays
-        assert free_time(SETUP, arrays, 0.1, (0.5, 0.0), 2.0) == 2.0
-        assert free_time(SETUP, arrays, 0.1, (-0.5, 0.0), 2.0) < 0.01
-
-
 @pytest.mark.parametrize("name", ["stop", "dwa"])
 @robots
 @settings(max_examples=25)

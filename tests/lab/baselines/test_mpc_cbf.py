@@ -5,9 +5,8 @@ import pytest
 
 from guided import SETTINGS, make, towards
 from qpavoid.avoidance.decision import Status
-from qpavoid.lab.baselines.discs import body_discs
-from qpavoid.lab.baselines.drive import reference_ahead, wide_discs
-from qpavoid.lab.baselines.nmpc_program import polygon_barriers
+from qpavoid.lab.baselines.drive import body_discs, reference_ahead, wide_discs
+from qpavoid.lab.baselines.nmpc import polygon_barriers
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot

@@ -5,18 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from near_things import DT, HEAVY, SETTINGS, seeds, standing, start, towards
+from near_things import DT, SETTINGS, start
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.lab.baselines.rpp import PursuitController
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import twist_box
 from shapes import ROBOT as MIR
-from shapes import clearance, scene
+from shapes import clearance
 
 NOWHERE, HERE = Obstacles(), (0.0, 0.0, 0.0)
 RPP = PursuitController(MIR, SETTINGS, look_time=1.5, near=0.6)
@@ -112,32 +111,3 @@ def test_what_stands_across_the_path_holds_it_up():
         driven = step(0.5, 0.0, seen, context)[:2]
         pose = arc(*pose, *driven, DT)
     assert 0.0 < clearance(wall, pose) < 0.6 and abs(driven[0]) < 1e-3
-
-
-@settings(max_examples=25)
-@given(seed=seeds)
-def test_nothing_that_stands_is_touched_by_a_robot_that_stops_at_once(seed):
-    rng = np.random.default_rng(seed)
-    obstacles, step, pose, driven = standing(rng), start("rpp"), HERE, (0.0, 0.0)
-    goal = rng.uniform(-3, 3, 2)
-    for _ in range(60):
-        cos, sin = math.cos(pose[2]), math.sin(pose[2])
-        x, y = goal - pose[:2]
-        guide = towards(cos * x + sin * y, cos * y - sin * x, driven, pose[2])
-        driven = step(0.3, 0.5, obstacles.seen_from(pose), guide)[:2]
-        for part in np.linspace(0.0, DT, 4):
-            assert clearance(obstacles, arc(*pose, *driven, part)) > 0.0
-        pose = arc(*pose, *driven, DT)
-
-
-@given(seed=seeds)
-def test_limits_are_kept_whatever_is_near(seed):
-    rng, driven, step = np.random.default_rng(seed), (0.0, 0.0), start("rpp", HEAVY)
-    for _ in range(4):
-        x, y = rng.uniform(-4, 4, 2)
-        guide = towards(x, y, driven, rng.uniform(-9, 9))
-        decision = step(*rng.uniform(-2, 2, 2), Obstacles(**scene(rng)), guide)
-        low, high, least, most = twist_box(HEAVY.limit_vector, *driven, DT)
-        driven = decision[:2]
-        assert low - 1e-12 <= driven[0] <= high + 1e-12
-        assert least - 1e-12 <= driven[1] <= most + 1e-12

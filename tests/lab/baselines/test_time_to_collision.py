@@ -1,7 +1,6 @@
 """NH-TTC: times and subgradients against rollouts and differences, and what it does."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -96,17 +95,3 @@ def test_its_polygon_passes_where_its_circle_would_not():
     decision = make("ttc").start(0.5)(0.5, 0.0, posts, towards())
     assert ROBOT.footprint.circumradius > 0.55
     assert decision[:2] == (0.5, 0.0)
-
-
-@pytest.mark.parametrize("x", [0.69, 0.5])
-def test_what_is_touched_already_leaves_a_finite_answer(x):
-    there = Obstacles(discs=[(x, 0.0, 0.2)], disc_velocities=[(-0.3, 0.1)])
-    decision = make("ttc").start(0.5)(0.5, 0.0, there, towards())
-    assert np.isfinite(decision[:2]).all() and decision.v < 0.5
-
-
-def test_a_robot_without_limits_stays_finite():
-    limits = type(ROBOT.limits)(-math.inf, math.inf, -math.inf, math.inf)
-    step = make("ttc", replace(ROBOT, limits=limits)).start(0.5)
-    decision = step(0.5, 0.0, Obstacles(discs=[(1.5, 0.1, 0.3)]), towards())
-    assert np.abs(decision[:2]).max() <= 10.0

@@ -8,15 +8,13 @@ import pytest
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from qpavoid.errors import InvalidInputError, UnknownNameError
-from qpavoid.lab.planning.grid import Grid, costs_of
+from qpavoid.errors import UnknownNameError
+from qpavoid.lab.planning.grid import SEARCHES, Grid, cheapest_way
 from qpavoid.lab.planning.planner import Planner, PlannerSettings, PlanningProblem
-from qpavoid.lab.planning.search import SEARCHES, cheapest_way
 from qpavoid.lab.simulation.methods import Method, find_method
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Limits
 
 pytest.importorskip("tcod", reason="needs qpavoid[baselines]")
 
@@ -91,14 +89,6 @@ def test_marks_and_clearance():
     now.mark(Obstacles([(3.0, 1.5)]), math.inf)
     assert grid.clearance(4.0).max() > now.clearance(4.0).max() - 1e-9
     assert np.isfinite(now.clearance(5.0)).all() and np.isinf(grid.clearance(5.0)).all()
-
-
-def test_costs_fall_with_the_distance():
-    far = np.linspace(0.0, 2.0, 201)
-    costs = costs_of(far, 0.5, 0.6, 4.0)
-    assert (costs[far < 0.5] == 0).all() and (costs[far > 1.1] == 1).all()
-    assert costs[np.searchsorted(far, 0.5)] == 5
-    assert (np.diff(costs[far >= 0.5]) <= 0).all()
 
 
 def planner(chart, search="astar", **changes):
@@ -205,22 +195,6 @@ def test_without_a_way_it_stands_until_there_is_one():
     assert free(3.0, here, 0.0, Obstacles()) is not None
 
 
-def test_a_robot_that_left_the_grid_is_led_back():
-    plan = planner(Obstacles(), margin=1.0)
-    outside = (-12.0, 9.0, 0.0)
-    first = plan(0.0, outside, 0.0, Obstacles())
-    np.testing.assert_allclose(first[0, :2], outside[:2], atol=0.1)
-    assert np.hypot(*(first[:, :2] - (8.0, 0.0)).T).min() < 1.0
-    assert plan(1.0, outside, 0.0, Obstacles()) is None
-
-
-@pytest.mark.parametrize("name", ["resolution", "soft", "interval", "sight"])
-@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
-def test_bad_settings(name, value):
-    with pytest.raises(InvalidInputError, match=name):
-        PlannerSettings(**{name: value})
-
-
 def test_names():
     assert find_method("qp") == Method("qp")
     assert find_method("astar") == Method("alone", "astar")
@@ -246,14 +220,6 @@ def test_out_of_the_trap_at_once(name):
     assert log["least_clearance_m"].min() > 0.1
     assert math.dist(log.final[:2], log.final_reference[:2]) < 0.05
     assert log.meta["controller"] == name
-
-
-def test_a_robot_without_limits_is_planned_for():
-    scenario = load_scenario("demo/trap")
-    free = Limits(-math.inf, math.inf, -math.inf, math.inf)
-    robot = replace(scenario.robot, limits=free)
-    log = run(replace(scenario, robot=robot, duration=1.0), "astar+alone")
-    assert np.isfinite(log["v_mps"]).all() and log["v_mps"].max() > 0.1
 
 
 @pytest.mark.parametrize("acceleration", [0.5, 2.0])

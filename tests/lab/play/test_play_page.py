@@ -176,27 +176,6 @@ def test_a_pushed_cart_is_recorded(browser, config, tmp_path):
 
 
 @needs_program
-def test_walls_discs_and_carts_come_and_go(browser, config, tmp_path):
-    with played(browser, config, tmp_path) as page:
-        page.press("body", "w")
-        drag(page, (-1.0, -1.5), (1.0, -1.5), 0.2)
-        page.press("body", "o")
-        page.mouse.click(*page.evaluate("play.onPage(1.8, -1.0)"))
-        page.press("body", "t")
-        page.mouse.click(*page.evaluate("play.onPage(-1.0, -2.4)"))
-        kinds = "play.things().map((one) => one.kind).join()"
-        assert page.evaluate(kinds) == "disc,wall,cart,wall,disc,cart"
-        page.mouse.click(*page.evaluate("play.onPage(0.0, 0.0)"))
-        assert "onto a robot" in page.inner_text("#notice")
-        page.press("body", "e")
-        page.mouse.click(*page.evaluate("play.onPage(1.8, -1.0)"))
-        document = saved(page, tmp_path / "scene.toml")
-    assert len(document["obstacles"]) == 5
-    assert document["obstacles"][2]["start_m"] == pytest.approx([-1.0, -1.5], abs=0.02)
-    assert run(load_scenario(tmp_path / "scene.toml"), "eq5")["x_m"][0] == 0.0
-
-
-@needs_program
 def test_all_of_it_by_keys(browser, config, tmp_path):
     with played(browser, config, tmp_path) as page:
         page.press("body", "]")  # the first disc; arrows move it, in an edit at time 0
@@ -227,35 +206,6 @@ def test_all_of_it_by_keys(browser, config, tmp_path):
         page.keyboard.press("Escape")
         page.press("body", "p")
         assert "Drive on" in page.inner_text("#drive")
-
-
-@needs_program
-def test_settings_and_robots_are_held_to_their_ranges(browser, config, tmp_path):
-    with played(browser, config, tmp_path) as page:
-        field = "[name='radius.r_min_slow_m']"
-        for text, complaint in (
-            ("0.9", "r_min_slow ≤ r_min_fast"),
-            ("-1", "wants ≥ 0"),
-            ("wide", "wants a number"),
-        ):
-            page.fill(field, text)
-            page.press(field, "Enter")
-            assert complaint in page.inner_text(".wrong:not(:empty)")
-        assert page.evaluate("play.settings()['radius.r_min_slow_m']") == 0.17
-        page.fill(field, "0.1")
-        page.press(field, "Enter")
-        page.select_option("#robot", "own")
-        page.fill("#footprint", "0.4, 0.3\n0.4, -0.3\n-0.3, -0.3\n-0.3, 0.3")
-        page.locator("#footprint").blur()
-        document = saved(page, tmp_path / "own.toml")
-        page.fill("#footprint", "0, 0\n1, 0\n0.2, 0.2\n0, 1")
-        page.locator("#footprint").blur()
-        assert "convex" in page.inner_text(".wrong:not(:empty)")
-        told = page.evaluate(DRIVE, [["qp"], 50])["qp"]
-    assert document["radius"] == {"r_min_slow_m": 0.1}
-    made = load_scenario(tmp_path / "own.toml")
-    assert made.robot.footprint.vertices.tolist()[0] == [-0.3, 0.3]
-    assert assert_same(told, run(made, "qp")) >= 20
 
 
 TOGETHER = {
@@ -302,32 +252,6 @@ def test_what_does_not_fit_together_is_what_python_refuses(browser, config, tmp_
         said = page.evaluate("every => every.map((one) => play.misfit(one))", every)
     assert [not text for text in said] == [fits(values) for values in every]
     assert len({*said}) == 10, "each of the nine rules was broken, and none"
-
-
-@needs_program
-@pytest.mark.parametrize(("width", "dark"), [(390, False), (390, True), (1280, True)])
-def test_it_fits_and_is_dark(browser, config, tmp_path, width, dark):
-    with played(browser, config, tmp_path, width=width, height=844, dark=dark) as page:
-        size = page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
-        assert size[0] <= size[1] == width
-        shade = "getComputedStyle(document.body).backgroundColor"
-        before = page.evaluate(shade)
-        assert (before == "rgb(22, 24, 27)") is dark
-        page.click("#theme")
-        assert page.evaluate(shade) != before
-
-
-@needs_program
-def test_who_wants_little_motion_starts_it_himself(browser, config, tmp_path):
-    page = write_page(tmp_path / "play.html", str(config), ["qp"])
-    context = browser.new_context(reduced_motion="reduce")
-    still = context.new_page()
-    still.goto(page.as_uri())
-    until(still, "play.frames() > 0")
-    assert not still.evaluate("play.running()")
-    context.close()
-    with opened(browser, page.as_uri()) as moving:
-        until(moving, "play.time() > 0.1")
 
 
 def test_what_is_not_played_is_said(config):

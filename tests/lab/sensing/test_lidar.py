@@ -1,19 +1,14 @@
 """Rays against oracles, and the sensor's clock, noise and errors."""
 
 import math
-import time as clock
 
 import numpy as np
 import pytest
 
-from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
-from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Robot
 
 EMPTY = Obstacles()
 STEP = 0.002
@@ -118,11 +113,6 @@ def test_special_cases_of_rays():
     assert seen(discs=[(20, 0, 1)]) == 10.0
 
 
-def test_whole_numbers_are_numbers():
-    lidar = Lidar(LidarSettings(beams=1, field_of_view=1, range=8, mount=(0, 0, 0)))
-    assert lidar.ranges((0, 0, 0), Obstacles(discs=[(3, 0, 0.25)]))[0] == 2.75
-
-
 def test_points_are_in_the_robot_frame_wherever_the_sensor_is():
     settings = LidarSettings(math.pi, 91, noise=0.0, mount=(0.3, -0.1, 1.0))
     pose = (1.0, 2.0, 2.5)
@@ -176,60 +166,9 @@ def test_noise_and_dropouts_are_seeded():
     assert not len(scan(dropout=1.0))
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"beams": 0},
-        {"range": 0.0},
-        {"rate": math.inf},
-        {"rate": 0.0},
-        {"latency": -0.1},
-        {"noise": math.nan},
-        {"dropout": 1.1},
-        {"field_of_view": 7.0},
-        {"mount": (0.0, math.nan, 0.0)},
-        {"point_radius": -1.0},
-        {"seed": -1},
-    ],
-)
-def test_wrong_settings(wrong):
-    with pytest.raises(InvalidInputError, match=next(iter(wrong))):
-        LidarSettings(**wrong)
-
-
 def test_time_does_not_run_backwards():
     lidar = Lidar()
     lidar.scan((0.0, 0.0, 0.0), 1.0, EMPTY)
     for time in (0.9, math.nan):
         with pytest.raises(InvalidInputError, match="time runs backwards"):
             lidar.scan((0.0, 0.0, 0.0), time, EMPTY)
-
-
-@pytest.mark.parametrize("offset", [0.0, 0.15])
-def test_a_robot_that_knows_only_its_scans_touches_nothing(offset):
-    robot = Robot.mir100()
-    safety = SafetyFilter(robot, AvoidanceSettings(dt=0.05))
-    lidar = Lidar(LidarSettings(latency=0.1, noise=0.01, mount=(0.3, 0.0, 0.0)))
-    world = Obstacles(discs=[(3.0, offset, 0.3)], walls=[(-2.0, 1.5, 8.0, 1.5)])
-    pose, least = (0.0, 0.0, 0.0), math.inf
-    for k in range(160):
-        points = lidar.scan(pose, 0.05 * k, world)
-        decision = safety.filter(0.8, -0.3 * pose[2], points=points)
-        pose = arc(*pose, decision.v, decision.omega, 0.05)
-        contacts = Contacts.of(robot.footprint, world.seen_from(pose))
-        least = min(least, contacts.distance.min())
-    assert least > 0.05 and pose[0] > 4.0
-
-
-@pytest.mark.timing
-def test_speed():
-    """360 beams against 50 discs and 20 walls: 22 µs on 2 cores of an AMD EPYC."""
-    rng = np.random.default_rng(1)
-    discs = np.column_stack([rng.uniform(1, 9, (50, 2)), rng.uniform(0.1, 0.4, 50)])
-    world = Obstacles(discs=discs, walls=rng.uniform(1, 9, (20, 4)))
-    lidar, times = Lidar(), []
-    for _ in range(500):
-        begin = clock.perf_counter()
-        lidar.ranges((0.0, 0.0, 0.0), world)
-        times.append(clock.perf_counter() - begin)
-    assert np.median(times[100:]) < 50e-6

@@ -15,7 +15,7 @@ from qpavoid.lab.simulation.config import find_config
 from qpavoid.lab.simulation.log import COLUMNS
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
-from qpavoid.lab.simulation.sensors import make_sensor
+from qpavoid.lab.simulation.simulation import make_sensor
 from qpavoid.lab.study.metrics import metrics
 from qpavoid.model.obstacles import Obstacles
 

@@ -1,17 +1,13 @@
 """Thousands of closed loops: what they say is what a single run says."""
 
 import math
-from inspect import unwrap
 
 import numpy as np
 import pytest
 
-from qpavoid.avoidance.scene import Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.avoidance.step import filter_step
 from qpavoid.errors import UnknownNameError
 from qpavoid.guide.settings import GuideSettings
-from qpavoid.lab.simulation import batch as batches
 from qpavoid.lab.simulation.batch import Batch, Loop
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import Scenario
@@ -48,18 +44,6 @@ def loop(path):
     plan = path.sample(np.arange(0.0, DURATION + DT, DT))
     things = Obstacles(discs=discs, disc_velocities=velocities, walls=walls)
     return Loop(plan, things, (0.0, 0.0, 0.0, 0.0, 0.0), DURATION, quiet=DURATION)
-
-
-@pytest.mark.parametrize("kept", [True, False])
-def test_before_a_loop_that_is_not_kept_the_filter_is_compiled(
-    robot, monkeypatch, kept
-):
-    given = []
-    monkeypatch.setattr(batches, "is_cached", lambda function: kept)
-    monkeypatch.setitem(vars(filter_step), "compile_alone", lambda *a: given.append(a))
-    setup = robot.footprint.edges, robot.limit_vector, AvoidanceSettings().record()
-    unwrap(batches.compile_filter)(Setup(*setup))
-    assert len(given) == (not kept)
 
 
 @pytest.mark.parametrize("waiting", [NEVER, Waiting()], ids=["clock", "waits"])

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from qpavoid.lab.simulation.batch import as_loop
-from qpavoid.lab.simulation.explain import MOST_PLANES
 from qpavoid.lab.simulation.log import COLUMNS
 from qpavoid.lab.simulation.outcome import OUTCOME, outcome_of
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.simulation.simulation import MOST_PLANES
 
 CONTROLLERS = ("eq5", "eq7", "qp", "qp-ahead")
 EXPLAINED = COLUMNS[COLUMNS.index("v_low_mps") :]

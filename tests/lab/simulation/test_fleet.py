@@ -1,22 +1,17 @@
 """Several robots in one run: what they see of each other, and what comes of it."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from minimal import problems, write
-from outlines import least_apart, outlines
-from qpavoid.cli import main
+from outlines import outlines
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.simulation.config import builtin_configs
-from qpavoid.lab.simulation.fleet import RobotObstacle, among
-from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.outcome import OUTCOME, outcome_of, verdict, worst_of
-from qpavoid.lab.simulation.run import run, run_fleet
+from qpavoid.lab.simulation.run import RobotObstacle, among, run, run_fleet
 from qpavoid.lab.simulation.scenario import load_scenario
-from qpavoid.lab.study.metrics import by_fleet
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import integrate, to_world
 from qpavoid.model.obstacles import Obstacles
@@ -157,17 +152,6 @@ def test_starts_are_drawn_from_the_seed(tmp_path):
     assert all(one.world is first.world for one in first.robots)
 
 
-def test_a_circle_is_crossed_by_all(tmp_path):
-    entry = '[[robots]]\nkind = "circle"\ncount = 5\nradius_m = 3.0\nspeed_mps = 0.5\n'
-    scenario = load_scenario(write(tmp_path, HEAD + entry))
-    for one in scenario.robots:
-        x, y, heading = one.start
-        assert math.hypot(x, y) == pytest.approx(3.0)
-        goal = one.path.sample(np.array([1e9]))[0]
-        assert goal[:2] == pytest.approx([-x, -y], abs=1e-6)
-        assert math.cos(heading - math.atan2(-y, -x)) == pytest.approx(1.0)
-
-
 def test_a_robot_may_have_a_controller_of_its_own(tmp_path):
     text = (
         HEAD.replace("6.0", "1.0")
@@ -185,7 +169,7 @@ def test_mistakes_are_told_with_their_place(tmp_path):
     (line,) = problems(tmp_path, HEAD + ways)
     assert "robots[1]: reference: " in line and "distinct" in line
     (line,) = problems(tmp_path, HEAD + '[[robots]]\nkind = "one"\n')
-    assert "robots[0]: give either reference or own.reference" in line
+    assert "robots[0]: reference: field required" in line
     (line,) = problems(tmp_path, HEAD + '[[robots]]\nkind = "ring"\n')
     assert "robots[0]: unknown kind 'ring'" in line and "circle" in line
     (line,) = problems(tmp_path, HEAD + ALONG + "jiter_m = 1.0\n".join(["", ""]))
@@ -212,48 +196,6 @@ def test_the_worst_robot_counts(three):
     outcomes["arrived"][1] = math.inf
     assert verdict(worst_of(outcomes)[0]) == "off goal"
     assert worst_of(np.zeros(1, OUTCOME)) == np.zeros(1, OUTCOME)
-
-
-def test_a_scanner_sees_the_others(tmp_path):
-    text = HEAD.replace("6.0", "3.0") + "[lidar]\n" + ALONG + AGAINST
-    near, blind = (
-        run_fleet(replace_sight(load_scenario(write(tmp_path, text)), seen), "qp")
-        for seen in (True, False)
-    )
-    assert least_apart(near) > 0.1 > least_apart(blind)
-
-
-def replace_sight(scenario, seen):
-    """Return it with its scanners, or with nothing to see by."""
-    if seen:
-        return scenario
-    robots = [replace(one, lidar=None, sight=1e-9) for one in scenario.robots]
-    return replace(scenario, robots=tuple(robots))
-
-
-def test_both_commands(tmp_path, capsys):
-    path, out = write(tmp_path, HEAD + ALONG + AGAINST + ACROSS), tmp_path / "out"
-    assert main(["run", str(path), "--out", str(out), "--controller", "qp"]) == 0
-    arguments = ["compare", str(path), "--out", str(out), "--controllers", "eq5,qp"]
-    assert main(arguments) == 0
-    assert "3 off goal" in capsys.readouterr().out
-    names = sorted(p.stem for p in (out / "logs").glob("*.npz"))
-    assert names == [f"s-{law}-{i}" for law in ("eq5", "qp") for i in range(3)]
-    assert (out / "s-qp-paths.png").exists() and (out / "s-paths.png").exists()
-    logs = [Log.load(out / "logs" / f"{name}.npz") for name in names]
-    assert [len(fleet) for fleet in by_fleet(logs, lambda log: log.meta)] == [3, 3]
-    assert main(["check", str(path)]) == 0
-    assert "3 robots" in capsys.readouterr().out
-    assert main(["play", str(path)]) == 1
-    assert "play has one robot" in capsys.readouterr().err
-
-
-def test_check_finds_robots_that_touch(tmp_path, capsys):
-    path = write(tmp_path, HEAD + ALONG + robot(-1.4, 0.1, 2.0, 0.0))
-    assert main(["check", str(path)]) == 1
-    said = capsys.readouterr().err
-    assert "robot 0: obstacles: number 0 touches the robot where it starts" in said
-    assert "robot 1: obstacles: number 0 touches" in said
 
 
 @pytest.mark.parametrize("name", [n for n in builtin_configs() if n[:5] == "fleet"])

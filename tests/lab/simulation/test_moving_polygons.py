@@ -1,6 +1,5 @@
 """Convex polygons that move and turn, in every part of the package that meets them."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -8,17 +7,15 @@ import pytest
 import shapely
 from numpy.testing import assert_allclose, assert_array_equal
 
-from qpavoid import InvalidInputError, Log, SafetyFilter
-from qpavoid.avoidance.settings import RadiusCurve
+from qpavoid import Log
 from qpavoid.errors import ConfigError
-from qpavoid.guide.room import new_field
 from qpavoid.lab.baselines.drive import line_points, wide_discs, wide_lines
 from qpavoid.lab.baselines.mppi import Judgement, depth_within
 from qpavoid.lab.baselines.orca import by_motion
 from qpavoid.lab.planning.grid import Grid
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.batch import as_loop
-from qpavoid.lab.simulation.methods import OURS, REGISTRY
+from qpavoid.lab.simulation.methods import OURS
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.model.capsules import RADIUS, X1, Y2
@@ -119,14 +116,6 @@ def test_a_log_keeps_its_polygons(log, tmp_path):
     assert_allclose(again.polygons_at(40)[0], CART.moved(2.0).polygons[0])
 
 
-def test_a_log_of_a_time_without_polygons_is_still_read(log, tmp_path):
-    log.save(tmp_path / "log.npz")
-    with np.load(tmp_path / "log.npz") as data:
-        old = {k: data[k] for k in data.files if k not in ("corners", "polygons")}
-    np.savez(tmp_path / "old.npz", **old)
-    assert Log.load(tmp_path / "old.npz").polygons_at(3) == []
-
-
 @pytest.mark.parametrize("name", OURS)
 def test_a_loop_of_a_batch_is_a_run(scenario, name):
     batch, loop = as_loop(scenario)
@@ -135,45 +124,7 @@ def test_a_loop_of_a_batch_is_a_run(scenario, name):
     assert outcome["clearance"] == pytest.approx(least, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", [*(n for n in REGISTRY if n not in OURS), "astar"])
-def test_every_other_method_meets_polygons(scenario, name):
-    pytest.importorskip("tcod", reason="needs qpavoid[baselines]")
-    log = run(dataclasses.replace(scenario, duration=2.0), name)
-    assert np.isfinite(log["v_mps"]).all() and len(log.polygons) == 2
-
-
-def test_nothing_that_stands_is_touched(monkeypatch):
-    """The theorem of braking, among polygons at rest."""
-    from hostile import R_MIN, Case, make_demands
-
-    case, rng = Case("accelerations"), np.random.default_rng(5)
-    for _ in range(12):
-        turn = rng.uniform(0, 6.3)
-        cos, sin = math.cos(turn), math.sin(turn)
-        box = (BOX - BOX.mean(axis=0)) @ [[cos, sin], [-sin, cos]]
-        world = Obstacles(polygons=[box + [1.4 * cos, 1.4 * sin], box - [1.5, 0.2]])
-        if Contacts.of(ROBOT.footprint, world).distance.min() < R_MIN:
-            continue
-        demands = make_demands(rng, 100, case.dt)
-        outcome, _, _ = case.drive(world, *demands)
-        assert outcome[0] >= R_MIN - 1e-3
-
-
 # ----------------------------------------------------------------------- the filter
-def test_the_filter_takes_polygons_by_name_and_obstacles(scenario):
-    seen = CART.seen_from((0.3, 0.2, 0.1))
-    named = {"polygons": seen.polygons, "polygon_velocities": seen.polygon_velocities}
-    for ahead in (False, True):
-        one, other = (SafetyFilter(ROBOT, ahead=ahead) for _ in range(2))
-        ours, theirs = one.filter(0.8, 0.1, **named), other.filter(0.8, 0.1, seen)
-        assert ours[:2] == pytest.approx(theirs[:2]) and ours.status is theirs.status
-    assert_allclose(SAFETY.problem(1, 0, seen).A, SAFETY.problem(1, 0, **named).A)
-    with pytest.raises(InvalidInputError, match=r"polygons\[0\]"):
-        SAFETY.filter(0.5, 0.0, polygons=[BOX[::-1]])
-    with pytest.raises(InvalidInputError, match=r"polygon_velocities\[0\]"):
-        SAFETY.filter(
-            0.5, 0.0, polygons=[BOX], polygon_velocities=[[math.nan, 0.0, 0.0]]
-        )
 
 
 def test_a_polygon_that_turns_towards_the_robot_is_moving():
@@ -198,11 +149,6 @@ def test_rays_end_at_the_edges(time):
         met = shapely.LineString([pose[:2], far]).intersection(solid)
         expected = met.distance(shapely.Point(pose[:2])) if not met.is_empty else 6.0
         assert ranges[k] == pytest.approx(expected, abs=1e-9)
-
-
-def test_a_sensor_within_a_polygon_sees_nothing_else():
-    ranges = Lidar().ranges((1.9, 1.1, 0.0), CART)
-    assert not ranges.any()
 
 
 def test_a_scan_sees_where_the_polygon_is_by_then():
@@ -230,18 +176,6 @@ def test_a_grid_is_marked_within_a_polygon():
     solid = shapely.Polygon(BOX)
     assert all(solid.distance(shapely.Point(p)) < 0.08 for p in places)
     assert len(places) >= solid.area / 0.01
-
-
-def test_a_detour_has_no_room_within_a_polygon():
-    big = 4 * (BOX - BOX.mean(axis=0))
-    world = Obstacles(polygons=[big + [2.0, 0.0]])
-    field = new_field(2.5, 0.8, RadiusCurve(0.17, 0.23, 0.05, 0.5), world.arrays)
-    line = np.linspace(-2.5, 2.5, len(field))
-    inside = shapely.contains_xy(
-        shapely.Polygon(world.polygons[0]), *np.meshgrid(line, line, indexing="ij")
-    )
-    assert inside.any() and (field[inside] < 0).all()
-    assert field[0, 0] == 0.8
 
 
 # -------------------------------------------------------------------- the baselines

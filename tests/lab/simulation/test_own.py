@@ -1,6 +1,5 @@
 """Methods of a user: driven and reported like all others."""
 
-import json
 import math
 import sys
 
@@ -9,7 +8,6 @@ import pytest
 
 import qpavoid as qp
 from qpavoid.avoidance.decision import STATUSES, Status
-from qpavoid.cli import main
 from qpavoid.errors import ConfigError, InvalidInputError, UnknownNameError
 from qpavoid.lab.simulation import methods
 from qpavoid.lab.simulation.methods import find_entry, find_method, own_file
@@ -122,16 +120,6 @@ def test_what_it_wants_is_cut_to_the_limits(tmp_path, mine):
     assert (log["omega_radps"] == limits.omega_min).all()
 
 
-def test_a_class_remembers_within_a_run_alone(tmp_path, mine):
-    scenario = scene(tmp_path, duration_s=8.0)
-    logs = [run(scenario, f"{mine}:Careful") for _ in range(2)]
-    for log in logs:
-        v = log["v_mps"]
-        assert v[0] == log["v_desired_mps"][0] and v[-1] == 0.0
-        assert np.count_nonzero(np.diff(v == 0.0)) <= 2
-    assert (logs[0].columns["x_m"] == logs[1].columns["x_m"]).all()
-
-
 def test_it_stands_behind_a_planner_and_before_the_guide(mine):
     assert find_method(f"astar+{mine}:halved+guide") == methods.Method(
         f"{mine}:halved", "astar", True
@@ -150,13 +138,6 @@ def test_it_stands_behind_a_planner_and_before_the_guide(mine):
 def test_what_cannot_be_loaded_is_said(tmp_path, mine, name, message):
     with pytest.raises(ConfigError, match=message):
         run(scene(tmp_path), name.format(mine))
-
-
-def test_a_module_that_leaves_is_said(tmp_path, monkeypatch):
-    (tmp_path / "leaves.py").write_text("raise SystemExit(3)")
-    monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(ConfigError, match="leaves:f: SystemExit: 3"):
-        run(scene(tmp_path), "leaves:f")
 
 
 def test_what_cannot_drive_is_said(tmp_path, mine):
@@ -205,14 +186,6 @@ def test_what_takes_other_arguments_is_said(tmp_path, method, message):
     assert run(scene(tmp_path), Bare()).meta["controller"] == "Bare"
 
 
-def test_an_error_of_ones_own_stays_what_it_is(tmp_path):
-    def broken(v, omega, obstacles, context):
-        return len(v)
-
-    with pytest.raises(TypeError, match="has no len"):
-        run(scene(tmp_path), broken)
-
-
 @pytest.mark.parametrize(
     ("name", "alone"),
     [
@@ -237,37 +210,6 @@ def test_methods_of_the_package_are_not_looked_for_elsewhere(mine):
         assert own_file(name) is None
     methods.make_controller("dwa", qp.Robot.mir100(), qp.AvoidanceSettings())
     assert sys.path == before
-
-
-def test_an_extra_that_a_module_lacks_is_named(tmp_path, mine):
-    (tmp_path / f"{mine}_lacks.py").write_text(
-        "from qpavoid import MissingExtraError\n"
-        "raise MissingExtraError('torch', 'all')\n"
-    )
-    with pytest.raises(qp.MissingExtraError, match="torch is not installed"):
-        find_method(f"{mine}_lacks:f")
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_compare_and_report_show_it_like_the_others(tmp_path, mine, capsys):
-    toml = """
-title = "Past a disc"
-duration_s = 2.0
-dt_s = 0.05
-reference = { kind = "station", pose = { x_m = 0.0, y_m = 0.0 } }
-[[obstacles]]
-kind = "disc"
-position_m = [1.5, 0.0]
-velocity_mps = [-0.3, 0.0]
-"""
-    (tmp_path / "past.toml").write_text(toml)
-    names = f"qp,{mine}:halved"
-    assert main(["compare", "past.toml", "--controllers", names, "--out", "out"]) == 0
-    rows = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert [row["controller"] for row in rows] == names.split(",")
-    assert (tmp_path / "out" / "logs" / f"past-{mine}.halved.npz").is_file()
-    assert main(["report", "out", "--out", "page.html"]) == 0
-    assert f"{mine}:halved" in (tmp_path / "page.html").read_text()
 
 
 def test_a_sweep_runs_it_in_workers_and_knows_its_source(tmp_path, mine):

@@ -9,7 +9,7 @@ import pytest
 
 from qpavoid.avoidance.scene import Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.errors import DataError, UnknownNameError
+from qpavoid.errors import DataError
 from qpavoid.lab.simulation.clearance import (
     Motion,
     View,
@@ -19,7 +19,6 @@ from qpavoid.lab.simulation.clearance import (
 from qpavoid.lab.simulation.log import COLUMNS, Log
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
-from qpavoid.lab.simulation.world import World
 from qpavoid.lab.study.metrics import metrics
 from qpavoid.model.capsules import greatest_speed, like
 from qpavoid.model.contacts import empty_contacts
@@ -144,16 +143,6 @@ def test_runs_are_deterministic_bit_for_bit():
         np.testing.assert_array_equal(one.discs, two.discs)
 
 
-def test_controllers_meet_identical_conditions(logs):
-    for case in CASES:
-        first, *others = (logs[case, name] for name in CONTROLLERS)
-        for log in others:
-            assert log["v_desired_mps"][0] == first["v_desired_mps"][0]
-            for column in ("t_s", "x_ref_m", "v_ref_mps"):
-                np.testing.assert_array_equal(log[column], first[column])
-            np.testing.assert_array_equal(log.discs, first.discs)
-
-
 def test_limits_hold_for_every_controller(logs):
     limits = Robot.mir100().limits
     for log in logs.values():
@@ -190,30 +179,10 @@ def test_the_least_room_sees_what_happens_within_a_step():
     assert least(fastest) == pytest.approx((-0.35, -0.35 - 0.23))
 
 
-def test_a_world_without_obstacles_is_tracked():
-    scenario = load_scenario("paper/test_case_1")
-    scenario = dataclasses.replace(scenario, world=World())
-    for name in CONTROLLERS:
-        result = metrics(run(scenario, name))
-        assert result["outcome"] == "arrived"
-        assert result["max_error_m"] < 0.01
-        assert result["min_clearance_m"] is None
-        assert result["zone_entry_s"] is result["zone_exit_s"] is None
-        assert result["statuses"] == "tracking:2000"
-
-
 def test_a_run_that_ends_before_its_path_has_not_arrived():
     result = metrics(run(short(load_scenario("paper/test_case_1"), 1.0), "qp"))
     assert result["outcome"] == "off goal"
     assert result["final_error_m"] > 5.0
-
-
-def test_unknown_names():
-    scenario = short(load_scenario("paper/test_case_2"), 0.05)
-    with pytest.raises(UnknownNameError, match="did you mean 'eq5'"):
-        run(scenario, "eq55")
-    with pytest.raises(UnknownNameError, match="did you mean 'osqp'"):
-        run(scenario, "qp", "osqq")
 
 
 def test_logs_are_saved_whole_and_without_pickle(tmp_path, logs):

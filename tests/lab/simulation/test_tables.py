@@ -4,19 +4,16 @@ import json
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from minimal import MINIMAL, problems, write
+from minimal import MINIMAL, write
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import ConfigError
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.planning.planner import PlannerSettings
-from qpavoid.lab.sensing.clusters import ClusterSettings
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
-from qpavoid.lab.sensing.physics import Physics
-from qpavoid.lab.sensing.physics_model import Patch
+from qpavoid.lab.sensing.physics import Patch, Physics
 from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation.config import validated
 from qpavoid.lab.simulation.scenario import load_scenario
@@ -24,6 +21,7 @@ from qpavoid.lab.simulation.schema import ScenarioModel
 from qpavoid.lab.study.sweep.study import StudyModel
 from qpavoid.model.estimate import EstimatorSettings
 from qpavoid.model.robot import Limits
+from qpavoid.perception.settings import PerceptionSettings
 from qpavoid.settings import declared
 from qpavoid.tracking.clock import Waiting
 from qpavoid.tracking.kanayama import Gains
@@ -46,13 +44,11 @@ NEW = {
     "lidar.mount_y_m": 0.0,
     "lidar.mount_heading_rad": 0.0,
     "lidar.point_radius_m": 0.02,
-    "clusters.gap_m": 0.3,
-    "clusters.largest_m": 0.6,
-    "clusters.reach_m": 0.6,
-    "clusters.estimation.acceleration_mps2": 1.0,
-    "clusters.estimation.noise_m": 0.05,
-    "clusters.estimation.speed_mps": 1.5,
-    "clusters.estimation.forget_s": 1.0,
+    "lidar.perception": True,
+    "perception.radius_m": 0.25,
+    "perception.acceleration_mps2": 1.5,
+    "perception.memory_s": 20.0,
+    "perception.memory_way_m": 8.0,
     "localisation(uwb).start_sigma_m": 0.05,
     "localisation(uwb).start_sigma_rad": 0.05,
     "robot.v_dead_mps": None,
@@ -165,7 +161,7 @@ SETTINGS = (
     *(
         GuideSettings,
         PlannerSettings,
-        ClusterSettings,
+        PerceptionSettings,
         LidarSettings,
         MotionCapture,
     ),
@@ -220,49 +216,9 @@ def test_empty_tables_are_the_defaults_of_python(tmp_path, kind):
     assert scenario.estimation == EstimatorSettings()
     assert scenario.guide == GuideSettings()
     assert scenario.planner == PlannerSettings()
-    assert scenario.clusters == ClusterSettings()
+    assert scenario.perception == PerceptionSettings()
     assert scenario.localisation == kind()
     assert scenario.tracker.gains == Gains()
-
-
-REACHED = """
-[tracking]
-station_keeping = true
-rest_m = 0.01
-wake_m = 0.02
-blend_speed_mps = 0.03
-[lidar]
-mount_x_m = 0.1
-mount_heading_rad = 0.3
-point_radius_m = 0.05
-[clusters]
-gap_m = 0.2
-largest_m = 0.4
-reach_m = 0.5
-estimation = { speed_mps = 2.0 }
-[localisation]
-kind = "uwb"
-start_sigma_m = 0.2
-start_sigma_rad = 0.1
-"""
-
-
-def test_what_no_file_could_set(tmp_path):
-    text = MINIMAL.replace(
-        'kind = "station"\npose = { x_m = 0.0, y_m = 0.0 }',
-        'kind = "spline"\npoints_m = [[0.0, 0.0], [2.0, 0.0]]\n'
-        "speed_mps = 0.5\nbegin_mps = 0.4",
-    )
-    scenario = load_scenario(write(tmp_path, text + REACHED))
-    assert scenario.tracker.station == StationKeeping(
-        rest=0.01, wake=0.02, blend_speed=0.03
-    )
-    assert scenario.path.begin == 0.4
-    assert scenario.path.sample(np.zeros(1))[0, 3] == pytest.approx(0.4)
-    assert scenario.lidar == LidarSettings(mount=(0.1, 0.0, 0.3), point_radius=0.05)
-    found = EstimatorSettings(noise=0.05, speed=2.0)
-    assert scenario.clusters == ClusterSettings(0.2, 0.4, 0.5, found)
-    assert scenario.localisation == Uwb(start_sigma=(0.2, 0.1))
 
 
 def test_the_track_of_the_robot_reaches_its_wheels_and_its_odometry(tmp_path):
@@ -272,15 +228,6 @@ def test_the_track_of_the_robot_reaches_its_wheels_and_its_odometry(tmp_path):
     told = load_scenario(write(tmp_path, text + "[robot]\ntrack_m = 0.6\n"))
     assert told.plant.track == told.localisation.track == 0.6
     assert told.plant.start()(0.0, 1.0, 0.05) != without.plant.start()(0.0, 1.0, 0.05)
-
-
-def test_an_unknown_key_without_a_near_one_lists_what_there_is(tmp_path):
-    (line,) = problems(tmp_path, MINIMAL + "[margins]\nfudge = 1.0\n")
-    assert line.endswith(
-        "margins.fudge: unknown key. Known: error_m, acceleration_mps2."
-    )
-    (line,) = problems(tmp_path, "qqq = 1.0\n" + MINIMAL)
-    assert "qqq: unknown key. Known: title, duration_s, dt_s, " in line
 
 
 STUDY = {"title": "t", "controllers": ["qp"]}

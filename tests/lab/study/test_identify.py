@@ -77,16 +77,6 @@ def test_intervals_hold_what_is_true(drives, least):
     assert min(held.values()) >= least, held
 
 
-def test_more_noise_more_doubt_longer_drives_less():
-    def width(**how):
-        found = identify(simulated(1, **how))
-        return np.array([one.high - one.low for one in found[:5]])
-
-    little = width(noise=(0.01, 0.02))
-    assert (width(noise=(0.04, 0.08)) > 2.0 * little).all()
-    assert (width(noise=(0.01, 0.02), n=2400) < 0.8 * little).all()
-
-
 def test_what_a_drive_does_not_tell_is_said():
     drive = simulated(2, noise=(0.01, 0.02))
     straight = drive._replace(asked=drive.asked * [1.0, 0.0])
@@ -94,13 +84,6 @@ def test_what_a_drive_does_not_tell_is_said():
     found = identify(straight)
     assert (found.factor.low, found.factor.high) == (-math.inf, math.inf)
     assert found.acceleration.value == pytest.approx(TRUE["acceleration"], rel=0.1)
-
-
-def test_a_base_that_jumps_has_no_ramp():
-    drive = simulated(3, noise=(0.01, 0.01), acceleration=1e4, angular_acceleration=1e4)
-    found = identify(drive)
-    assert found.acceleration.high > 100.0 and found.acceleration.low > 20.0
-    assert found.delay.value == pytest.approx(TRUE["delay"], abs=0.005)
 
 
 @pytest.mark.parametrize(

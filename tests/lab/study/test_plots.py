@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from matplotlib import pyplot
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from PIL import Image
 
@@ -16,7 +15,7 @@ from qpavoid.lab.study.metrics import metrics
 from qpavoid.lab.study.scene import decisive_step, view_box
 from qpavoid.lab.study.style import SOLID, styles
 from qpavoid.model.contact import point_contact
-from qpavoid.model.footprint import Footprint, offset_outline
+from qpavoid.model.footprint import offset_outline
 from qpavoid.model.kinematics import to_world
 
 FIGURES = (plots.frames, plots.paths, plots.poses, plots.twists, plots.distance)
@@ -46,11 +45,6 @@ def test_zone_outline_is_everywhere_at_its_distance(robot):
     np.testing.assert_allclose(distances, 0.2, atol=1e-12)
 
 
-def test_placed_turns_left_and_shifts():
-    moved = to_world(np.array([[1.0, 0.0]]), (2.0, 3.0, np.pi / 2))
-    np.testing.assert_allclose(moved, [[2.0, 4.0]], atol=1e-15)
-
-
 def test_frames_have_a_row_a_method_and_a_column_a_time(logs):
     figure = plots.frames(logs)
     assert len(figure.axes) == 9
@@ -61,15 +55,6 @@ def test_frames_have_a_row_a_method_and_a_column_a_time(logs):
     assert {axes.get_xlabel() for axes in figure.axes[6:]} == {"x (m)"}
     assert len({(axes.get_xlim(), axes.get_ylim()) for axes in figure.axes}) == 1
     assert {axes.get_aspect() for axes in figure.axes} == {1.0}
-
-
-def test_many_frames_stand_the_other_way_round(logs):
-    figure = plots.frames(logs, times=[0.0, 1.0, 1.5, 2.0, 3.0])
-    titles = [axes.get_title() for axes in figure.axes[:3]]
-    assert titles == ["Eq. 5", "Eq. 7", "one-step QP"]
-    assert figure.axes[3].get_ylabel() == "t = 1.0 s\ny (m)"
-    target = line(figure.axes[4], "target")  # second row, second column
-    assert target.get_xdata() == pytest.approx(logs[1]["x_ref_m"][20])
 
 
 def test_frame_shows_what_the_log_says(logs):
@@ -92,13 +77,6 @@ def test_frame_shows_what_the_log_says(logs):
     np.testing.assert_array_equal(planned.get_xdata(), log["x_ref_m"])
     driven = [x for x in axes.get_lines() if x.get_color() == styles(logs)[1].color]
     np.testing.assert_array_equal(driven[0].get_xdata(), log["x_m"][: step + 1])
-
-
-def test_contact_marker_lies_on_the_footprint(logs):
-    for axes in plots.frames(logs).axes:
-        edges = Footprint(patch(axes, "footprint")).edges
-        x, y = np.ravel(line(axes, "$P_r$").get_data())
-        assert point_contact(edges, x, y).distance == pytest.approx(0.0, abs=1e-9)
 
 
 def test_discs_are_drawn_to_scale(worlds):
@@ -138,16 +116,6 @@ def test_view_holds_robots_plans_and_near_discs(logs):
             assert x_low <= zone[:, 0].min() and zone[:, 0].max() <= x_high
             assert y_low <= zone[:, 1].min() and zone[:, 1].max() <= y_high
         assert y_low < log.discs[30, 0, 1] < y_high
-
-
-def test_view_may_hold_what_stands_beyond(logs):
-    x_low, x_high, y_low, y_high = view_box(logs)
-    points = np.array([[x_high + 0.3, 0.0], [x_high + 2.0, 0.0]])
-    walls = np.array([[0.0, y_low - 0.3, 0.0, y_low - 2.0]])
-    log = replace(logs[0], points=points, walls=walls)
-    assert view_box([log, *logs]) == (x_low, x_high, y_low, y_high)
-    wide = view_box([log, *logs], surroundings=0.5)
-    assert wide == pytest.approx((x_low, x_high + 0.4, y_low - 0.4, y_high))
 
 
 def test_poses_against_the_plan(logs):
@@ -203,15 +171,6 @@ def test_distance_shows_bands_entry_and_exit(logs):
     ]
 
 
-def test_distance_gives_each_method_its_own_band_where_r_differs(worlds):
-    logs = worlds["fast"]
-    assert any((log["r_m"] != logs[0]["r_m"]).any() for log in logs)
-    figure = plots.distance(logs)
-    assert len(figure.axes) == 3
-    assert len({axes.get_ylim() for axes in figure.axes}) == 1
-    assert legend_texts(figure)[-1] == "nearer than $r_{min}$"
-
-
 def test_a_world_without_obstacles_can_be_drawn(worlds, tmp_path):
     figure = plots.distance(worlds["empty"])
     assert legend_texts(figure)[0] == "one-step QP: no obstacle"
@@ -230,14 +189,6 @@ def test_paths_cross_out_the_first_contact(worlds, logs):
     assert figure.axes[0].get_title() == "Eq. 7: touched"
 
 
-def test_paths_show_what_moves_at_the_decisive_moment(logs):
-    step = decisive_step(logs[:1])
-    (axes,) = plots.paths(logs[:1]).axes
-    assert axes.get_title().endswith(f"shown: t = {logs[0]['t_s'][step]:.1f} s")
-    there = np.transpose(line(axes, "obstacle").get_data())
-    np.testing.assert_array_equal(there, logs[0].discs[step, :, :2])
-
-
 def test_the_decisive_moment(worlds, logs):
     columns = logs[0].columns | {
         "least_clearance_m": np.where(np.arange(len(logs[0])) > 7, -0.1, 1.0)
@@ -246,58 +197,6 @@ def test_the_decisive_moment(worlds, logs):
     assert decisive_step(logs[:1]) == int(logs[0]["least_clearance_m"].argmin())
     (alone,) = worlds["empty"]
     assert decisive_step([alone]) == len(alone) - 1
-
-
-def test_a_disc_that_is_near_is_seen_whole(logs):
-    step = decisive_step(logs[:1])
-    (x, y, radius), *_ = logs[0].discs[step]
-    x_low, x_high, y_low, y_high = view_box(logs, steps=[step])
-    assert x_low < x - radius and x + radius < x_high
-    assert y_low < y - radius and y + radius < y_high
-
-
-@pytest.mark.parametrize("kind, head", [("svg", b"<?xml"), ("pdf", b"%PDF")])
-def test_figures_can_be_drawn_for_print(logs, tmp_path, kind, head):
-    for path in plots.save_figures(logs[:1], tmp_path, kind):
-        assert path.suffix == f".{kind}" and path.read_bytes().startswith(head)
-
-
-def test_five_methods_stand_in_two_rows_of_paths(logs):
-    figure = plots.paths([*logs, *logs[:2]])
-    assert len(figure.axes) == 5
-    assert len({axes.get_xlim() for axes in figure.axes}) == 1
-
-
-@pytest.mark.parametrize("world", ["slow", "fast", "crowd"])
-@pytest.mark.parametrize("draw", FIGURES)
-def test_no_legend_or_panel_covers_another(worlds, draw, world):
-    figure = draw(worlds[world])
-    for _ in range(2):  # as savefig does: the layout settles at the second drawing
-        figure.draw_without_rendering()
-    whole = figure.bbox.padded(1.0)
-    boxes = [figure.legends[0].get_window_extent()]
-    boxes += [axes.get_tightbbox() for axes in figure.axes]
-    for i, box in enumerate(boxes):
-        if i == 0:
-            assert whole.containsx(box.x0) and whole.containsx(box.x1)
-        assert whole.containsy(box.y0) and whole.containsy(box.y1)
-        for other in boxes[:i]:
-            overlap = box.intersection(box, other)
-            assert overlap is None or min(overlap.width, overlap.height) < 2.0
-
-
-def test_methods_keep_their_look_in_any_company(logs):
-    looks = dict(zip(("eq5", "eq7", "qp"), styles(logs), strict=True))
-    assert styles(logs[::-1]) == list(looks.values())[::-1]
-    others = [
-        replace(logs[2], meta={**logs[2].meta, "controller": name, "solver": solver})
-        for name, solver in (("qp", "osqp"), ("dwa", "its own"), ("vfh", "exact"))
-    ]
-    labels = [style.label for style in styles([*logs, *others])]
-    assert labels[3:] == ["one-step QP (osqp)", "dwa", "vfh"]
-    chosen = styles([*logs, *others[1:]])
-    assert len({style.color for style in chosen}) == 5
-    assert len({style.line for style in chosen}) == 5
 
 
 def test_save_figures_names_and_writes_them(logs, tmp_path):
@@ -313,15 +212,6 @@ def test_save_figures_names_and_writes_them(logs, tmp_path):
             assert image.width == 1800
             assert len(image.convert("RGB").getcolors(1 << 24)) > 20
     assert pyplot.get_fignums() == others
-
-
-def test_paths_are_drawn_where_frames_would_not_fit(
-    logs, worlds, tmp_path, monkeypatch
-):
-    monkeypatch.setattr(Figure, "savefig", lambda *arguments, **options: None)
-    unnamed = replace(logs[0], meta={**logs[0].meta, "frames_s": []})
-    for runs, name in ((worlds["crowd"], "crowd-eq7"), ([unnamed], "slow-eq5")):
-        assert plots.save_figures(runs, tmp_path)[0].name == f"{name}-paths.png"
 
 
 @pytest.mark.parametrize("draw", FIGURES)

@@ -14,8 +14,7 @@ from qpavoid.errors import DataError
 from qpavoid.lab.study.report import payload
 from qpavoid.lab.study.report.page import as_json, part
 from qpavoid.lab.study.report.payload import pack, pack_groups, pack_run
-from qpavoid.lab.study.report.ranking import name_methods
-from qpavoid.lab.study.report.results import read_results
+from qpavoid.lab.study.report.ranking import name_methods, read_results
 
 # ---- payload ----------------------------------------------------------------------
 
@@ -67,13 +66,6 @@ def test_whole_scenarios_are_kept_first_those_that_tell_methods_apart(
     monkeypatch.setattr(payload, "BUDGET", payload.size(groups[0]) - 1)
     groups, left_out = pack_groups(name_methods(rows), paths)
     assert [len(group["runs"]) for group in groups] == [1] and left_out == 3
-
-
-def test_a_replay_is_labelled_with_the_seed_of_its_row(logs, tmp_path):
-    logs[0].save(tmp_path / "log.npz")
-    rows = name_methods([row(seed=seed, scenario="forest") for seed in (0, 1, 3)])
-    groups, _ = pack_groups(rows, {x["run"]: tmp_path / "log.npz" for x in rows})
-    assert sorted(group["seed"] for group in groups) == [0, 1, 3]
 
 
 # ---- reading and writing ----------------------------------------------------------

@@ -3,7 +3,6 @@
 import json
 import re
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,8 +16,7 @@ from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.compare import save_run
 from qpavoid.lab.study.notebook import show
 from qpavoid.lab.study.report import write_report
-from qpavoid.lab.study.report.page import replay_page
-from qpavoid.lab.study.report.payload import pack_group, pack_run
+from qpavoid.lab.study.report.payload import pack_run
 from scenario_files import CROSSING, SLOW
 
 
@@ -225,50 +223,6 @@ def test_tables_sort_filter_and_lead_to_the_replay(report, browser):
         assert page.locator(".card").count() == 2
 
 
-@pytest.mark.parametrize("dark", [False, True])
-def test_a_phone_shows_it_without_scrolling_sideways(report, browser, dark):
-    with opened(browser, report.as_uri(), 390, 800, dark=dark) as page:
-        page.wait_for_selector(".card canvas")
-        assert page.evaluate("document.documentElement.scrollWidth") <= 390
-        assert page.locator(".card").count() == 2
-        hidden = "one => one.getBoundingClientRect().right > 390"
-        cells = page.locator(".scroll tbody :is(th, td, span)").all()
-        assert len(cells) > 10
-        assert not [cell for cell in cells if cell.evaluate(hidden)]
-
-
-def test_a_chart_that_is_not_laid_out_yet_is_no_error(browser, tmp_path):
-    file = tmp_path / "empty.html"
-    file.write_text(replay_page("Nothing", {"groups": [], "left_out": 0}))
-    with opened(browser, file.as_uri()) as page:
-        page.evaluate(
-            """() => {
-                const canvas = document.createElement("canvas");
-                canvas.style = "display: none";
-                document.body.append(canvas);
-                const chart = { t: [0, 1], series: [], range: [0, 1], cursor: NaN };
-                Panels.strip(canvas, { ...chart, low: 0, high: 1, name: "v" });
-            }"""
-        )
-
-
-def test_places_in_the_view_from_above_go_there_and_back(browser, tmp_path):
-    file = tmp_path / "empty.html"
-    file.write_text(replay_page("Nothing", {"groups": [], "left_out": 0}))
-    with opened(browser, file.as_uri()) as page:
-        found = page.evaluate(
-            """() => {
-                const canvas = document.createElement("canvas");
-                canvas.style = "width: 300px; height: 200px";
-                document.body.append(canvas);
-                const view = Panels.fit(canvas, [-1, 5, 0, 2]);
-                const [px, py] = Panels.toPixel(canvas, view, 5, 1);
-                return [view.scale, px, py, ...Panels.toWorld(canvas, view, px, py)];
-            }"""
-        )
-    assert found == pytest.approx([50, 300, 100, 5, 1])
-
-
 # ---- in a notebook ----------------------------------------------------------------
 
 
@@ -295,15 +249,3 @@ def test_a_missing_ipython_is_said(logs, monkeypatch):
     monkeypatch.setitem(sys.modules, "IPython.display", None)
     with pytest.raises(MissingExtraError, match="IPython"):
         show(logs[0])
-
-
-def test_an_unexplained_run_is_replayed_too(logs, browser, tmp_path):
-    file = tmp_path / "plain.html"
-    named = [(str(i), str(log.meta["controller"]), log) for i, log in enumerate(logs)]
-    data = {"groups": [pack_group(named)], "left_out": 0}
-    file.write_text(replay_page("Plain", data))
-    with opened(browser, Path(file).as_uri()) as page:
-        page.locator(".card").nth(2).wait_for()
-        assert "Nearest: point 1" in page.inner_text(".card .words") or "disc" in (
-            page.inner_text(".card .words")
-        )

@@ -1,26 +1,20 @@
 """Sweeps: the same table whoever is killed, whenever it is stopped, whoever works."""
 
-import os
-import random
-import resource
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
 from qpavoid.cli import main
 from qpavoid.errors import ConfigError, DataError, UnknownNameError
-from qpavoid.stamps import file_stamp, imported_files, source_stamp
 from sweep_sources import DOCUMENT, Harmless, KillsAlways, KillsOnce, Raises
 
 pytest.importorskip("pyarrow", reason="needs qpavoid[study]")
 
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.sweep.engine import sweep
-from qpavoid.lab.study.sweep.store import Store, read_provenance, read_rows, shards
+from qpavoid.lab.study.sweep.store import read_provenance, read_rows, shards
 from qpavoid.lab.study.sweep.study import Study, read_study
 from sweep_sources import table_hash, toml
 
@@ -150,42 +144,6 @@ def test_a_torn_shard_is_an_error_and_the_rest_is_kept(whole, tmp_path):
     torn.unlink()
     assert 0 < sweep(small(), tmp_path, workers=1) < 16
     assert table_hash(read_rows(tmp_path)) == table_hash(whole)
-
-
-def test_a_full_disk_is_an_error_and_the_rest_is_kept(whole, tmp_path):
-    sweep(small(seeds=3), tmp_path, workers=1)
-    kept = read_rows(tmp_path)
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
-    try:
-        with pytest.raises(DataError, match=r"cannot be written.*finished is kept"):
-            Store(tmp_path).save([({"run": "a" * 16, "outcome": "x" * 5000}, None)])
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert read_rows(tmp_path) == kept
-    assert not list((tmp_path / "runs").glob(".*"))
-    sweep(small(), tmp_path, workers=1)
-    assert table_hash(read_rows(tmp_path)) == table_hash(whole)
-
-
-@pytest.mark.parametrize(
-    "kills", [1, pytest.param(10, marks=pytest.mark.slow)], ids="{} kills".format
-)
-def test_the_main_process_is_killed_at_random_times(files, tmp_path, kills):
-    path = str(files(seeds=8 if kills == 1 else 30))
-    sweep(read_study(path), tmp_path / "whole", workers=2)
-    out, rng = tmp_path / "out", random.Random(kills)
-    command = [sys.executable, "-P", "-m", "qpavoid", "sweep", path, "--out", str(out)]
-    for _ in range(kills):
-        process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
-        time.sleep(rng.uniform(1.0, 5.0))
-        os.kill(process.pid, signal.SIGKILL)
-        process.wait()
-        if shards(out):
-            before = {row["run"] for row in read_rows(out)}
-            assert len(before) == sum(1 for _ in read_rows(out))
-    assert main(command[4:]) == 0
-    assert table_hash(read_rows(out)) == table_hash(read_rows(tmp_path / "whole"))
 
 
 METHODS = """
@@ -369,24 +327,6 @@ def test_controllers_of_the_command_line_are_the_study(files, tmp_path, capsys):
     assert "unknown controller 'eq6'" in capsys.readouterr().err
 
 
-def test_modules_of_ones_own_may_lie_beside_the_study(files, tmp_path, monkeypatch):
-    monkeypatch.setattr(sys, "path", [*sys.path])
-    folder, path = tmp_path / "elsewhere", files(seeds=1)
-    folder.mkdir()
-    monkeypatch.chdir(folder)
-    (tmp_path / "lies_beside.py").write_text(
-        "from sweep_sources import Harmless\n\n"
-        "def half(v, omega, obstacles, context):\n    return 0.5 * v, omega\n"
-    )
-    item = '[[generators]]\nkind = "own"\nsource = "lies_beside:Harmless"\n'
-    text = path.read_text().replace('"eq5"', '"lies_beside:half"')
-    path.write_text(text + item)
-    assert main(["check", "../study.toml"]) == 0
-    command = ["sweep", "../study.toml", "--out", "out", "--workers", "2"]
-    assert main([*command, "--controllers", "lies_beside:half"]) == 0
-    assert {row["outcome"] for row in read_rows(folder / "out")} != {"failed"}
-
-
 def test_a_run_is_known_by_all_that_determines_it(files):
     path = files(seeds=1)
     before = {job.run for job in read_study(path).jobs()}
@@ -409,24 +349,6 @@ def test_a_run_is_known_by_the_code_of_a_source_of_ones_own(
         study.write_text(path.read_text() + item)
         runs.append({job.run for job in read_study(study).jobs()})
     assert runs[0] == runs[1] and len(runs[0] - runs[2]) == len(runs[0]) // 2
-
-
-def test_a_run_is_known_by_the_code_of_a_method_that_a_robot_names(
-    files, tmp_path, monkeypatch
-):
-    monkeypatch.syspath_prepend(tmp_path)
-    path, runs = files(seeds=1), []
-    scenario = tmp_path / "past.toml"
-    robot = '\n[[robots]]\nkind = "one"\ncontroller = "mine_r:slow"\n'
-    scenario.write_text(scenario.read_text() + robot)
-    for share in ("0.5", "0.5", "0.6"):
-        (tmp_path / "mine_r.py").write_text(
-            f"def slow(v, omega, obstacles, context):\n    return {share} * v, omega\n"
-        )
-        for known in (file_stamp, imported_files, source_stamp):
-            known.cache_clear()
-        runs.append({job.run for job in read_study(path).jobs()})
-    assert runs[0] == runs[1] and not runs[0] & runs[2]
 
 
 def test_of_several_robots_a_row_has_the_worst(tmp_path):

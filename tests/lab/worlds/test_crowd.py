@@ -1,15 +1,12 @@
 """A pedestrian taken out of a crowd, and a robot in its place."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from qpavoid.errors import DataError
-from qpavoid.lab.simulation.batch import as_loop
-from qpavoid.lab.simulation.scenario import load_scenario, make_scenario
-from qpavoid.lab.simulation.world import ABSENT, Track, World
+from qpavoid.lab.simulation.scenario import make_scenario
 from qpavoid.lab.study.sweep.job import Job, run_job
 from qpavoid.lab.worlds.crowd import (
     Crowd,
@@ -42,25 +39,6 @@ def test_a_task_starts_and_ends_as_the_human_did(task):
     assert scenario.settings.passive and scenario.settled == 0.0
 
 
-def test_others_may_come_in_before_the_record_shows_them(task):
-    """The one who crosses at 1 m/s is there 2 s earlier, and 2 m farther away."""
-    (other,) = task_document(task, seen_before=2.0)["obstacles"]
-    assert other["times_s"][:2] == pytest.approx([-2.0, 0.0])
-    assert other["positions_m"][0] == pytest.approx([4.0, -6.0])
-    assert len(other["times_s"]) == len(other["positions_m"]) == 22
-
-
-def test_who_is_not_there_yet_is_away():
-    track = Track(
-        np.array([1.0, 3.0]), np.array([[0.0, 0.0], [2.0, 0.0]]), 0.2, fleeting=True
-    )
-    world = World(tracks=(track,))
-    assert not world.is_steady
-    for time, x in ((0.9, ABSENT), (1.0, 0.0), (2.0, 1.0), (3.0, 2.0), (3.1, ABSENT)):
-        assert world.at(time).discs[0, 0] == pytest.approx(x)
-    np.testing.assert_array_equal(world.at(3.1).disc_velocities, np.zeros((1, 2)))
-
-
 @pytest.mark.parametrize(
     ("scene", "count"),
     [("eth", 318), ("hotel", 200), ("zara01", 142), ("students03", 105)],
@@ -82,12 +60,6 @@ def test_a_robot_takes_a_place(data_folder):
     assert row["arrived_s"] < row["time_s"] + 0.05 < row["arrived_s"] + 0.11
     way = np.diff(read_tasks(find_scene("zara01", folder))[3].human.positions, axis=0)
     assert 0.8 < row["length_m"] / np.hypot(*way.T).sum() < 1.2
-
-
-def test_a_run_that_ends_at_once_is_no_batch():
-    scenario = load_scenario("paper/test_case_1")
-    assert as_loop(scenario) is not None
-    assert as_loop(replace(scenario, settled=0.0)) is None
 
 
 def test_absent_data_is_said(tmp_path, monkeypatch):
@@ -134,9 +106,10 @@ def straight(lost):
     ],
 )
 def test_a_file_without_tracks_is_refused(text, said, tmp_path):
-    file = tmp_path / "tracks.txt"
+    file = tmp_path / "seq_hotel" / "obsmat.txt"
+    file.parent.mkdir()
     if text:
         file.write_text(text)
     with pytest.raises(DataError) as error:
-        _ = Crowd(str(file), None, 0.0, 25.0).tasks
+        read_tasks(file)
     assert said in str(error.value) and str(file) in str(error.value)

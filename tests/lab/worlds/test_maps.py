@@ -91,16 +91,6 @@ def test_what_a_map_shows_is_part_of_its_identity(tmp_path):
     assert all(x != y for x, y in zip(before, after, strict=True))
 
 
-def test_a_map_may_lie_anywhere(tmp_path):
-    for name in ("here", "there"):
-        (tmp_path / name).mkdir()
-        draw(tmp_path / name)
-    there = Maps(str(tmp_path / "there" / "hall.yaml"), None).sample(3)
-    here = Maps(str(tmp_path / "here" / "hall.yaml"), None)
-    named = Maps("hall", str(tmp_path / "here"))
-    assert here.sample(3)["start"] == there["start"] == named.sample(3)["start"]
-
-
 def test_a_damaged_map_is_refused(tmp_path):
     cut = draw(tmp_path, "cut") / "cut.pgm"
     cut.write_bytes(cut.read_bytes()[:-1])

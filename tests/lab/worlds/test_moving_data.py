@@ -69,13 +69,6 @@ def test_damaged_tracks(tmp_path, text, error):
         crowd.read_tracks(file, 25.0)
 
 
-def test_tracks_that_are_not_there(tmp_path):
-    with pytest.raises(DataError, match="not a readable track file"):
-        crowd.read_tracks(tmp_path / "none", 25.0)
-    with pytest.raises(DataError, match="must be positive"):
-        crowd.read_tracks(tmp_path / "none", 0.0)
-
-
 # DynaBARN
 
 

@@ -204,14 +204,6 @@ def test_what_is_at_a_threshold_is_unknown(tmp_path):
     assert grid.free.tolist() == [[True, False, False]]
 
 
-def test_a_turned_map(tmp_path):
-    yaml = YAML.replace("[1.0, 2.0, 0.0]", f"[1.0, 2.0, {math.pi / 2}]")
-    grid = map_server.read_map(write_map(tmp_path, yaml=yaml))
-    assert grid.points() == pytest.approx(
-        np.array([[0.75, 2.25], [0.75, 2.75], [0.25, 2.25]])
-    )
-
-
 def test_only_cells_on_the_outline_are_points(tmp_path):
     image = b"P2 5 5 1 " + b"0 " * 25
     grid = map_server.read_map(write_map(tmp_path, image))
@@ -297,17 +289,3 @@ def test_damaged_map_files(tmp_path, old, new, error):
 def test_damaged_images(tmp_path, image, error):
     with pytest.raises(DataError, match=f"map.pgm: not a readable image .*{error}"):
         map_server.read_map(write_map(tmp_path, image))
-
-
-def test_keys_that_are_not_the_maps_are_passed_over(tmp_path):
-    """As ROS itself does: its own map_circular.yaml has one."""
-    one = map_server.read_map(write_map(tmp_path))
-    yaml = YAML.replace("0.5", "5e-1") + "version: 1\n"
-    other = map_server.read_map(write_map(tmp_path, yaml=yaml))
-    assert (one.occupied == other.occupied).all() and one.origin == other.origin
-    assert other.resolution == 0.5
-
-
-def test_a_map_that_is_not_there(tmp_path):
-    with pytest.raises(DataError, match="not readable YAML"):
-        map_server.read_map(tmp_path / "none.yaml")

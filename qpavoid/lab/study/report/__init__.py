@@ -15,8 +15,7 @@ from typing import Any
 
 from qpavoid.lab.study.report.page import report_page
 from qpavoid.lab.study.report.payload import Group, pack_groups
-from qpavoid.lab.study.report.ranking import name_methods, rank
-from qpavoid.lab.study.report.results import Row, read_results
+from qpavoid.lab.study.report.ranking import Row, name_methods, rank, read_results
 
 MOST_FAILURES, MOST_LETTERS = 300, 300
 """Rows of the table of runs that did not succeed, and letters of an error in it."""

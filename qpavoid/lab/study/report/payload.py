@@ -12,7 +12,7 @@ import numpy as np
 from qpavoid.avoidance.decision import STATUSES
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.outcome import outcome_of, verdict
-from qpavoid.lab.study.report.results import Row
+from qpavoid.lab.study.report.ranking import Row
 from qpavoid.lab.study.scene import view_box
 from qpavoid.types import Array
 

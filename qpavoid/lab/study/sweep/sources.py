@@ -18,8 +18,7 @@ from qpavoid.lab.simulation.config import (
     read_document,
 )
 from qpavoid.lab.simulation.scenario import make_scenario
-from qpavoid.lab.simulation.schema_base import Natural, Place, Strict
-from qpavoid.lab.simulation.tables import keys_of, read
+from qpavoid.lab.simulation.tables import Natural, Place, Strict, keys_of, read
 from qpavoid.lab.worlds.barn import BarnWorlds
 from qpavoid.lab.worlds.crowd import Crowd
 from qpavoid.lab.worlds.dynabarn import DynaBarn
@@ -84,13 +83,13 @@ class SensedItem(Seeded):
         kind: By a LiDAR.
         scene: What is sensed.
         family: Seed of the family of forests.
-        tracks: Moving discs are made of the scans.
+        perception: Static and moving obstacles are made of the scans; else points.
     """
 
     kind: Literal["sensed"]
     scene: Literal["forest", "strangers"]
     family: Natural = 2
-    tracks: bool = False
+    perception: bool = True
 
 
 class OwnItem(Seeded):
@@ -172,7 +171,7 @@ def _generator(item: Any, path: Path, data: str | None) -> Source:
     if isinstance(item, SensedItem):
         forest = item.scene == "forest"
         known = Forest(item.family) if forest else scenario_file("demo/strangers")
-        return Sensed(known, item.tracks)
+        return Sensed(known, item.perception)
     source = SOURCES[item.kind]
     given: dict[str, Any] = (
         {"data": data} if "data" in source.__dataclass_fields__ else {}

@@ -28,7 +28,7 @@ from qpavoid.lab.simulation.methods import (
     parsed,
     solver_of,
 )
-from qpavoid.lab.simulation.schema_base import Strict
+from qpavoid.lab.simulation.tables import Strict
 from qpavoid.lab.study.sweep.job import Job
 from qpavoid.lab.study.sweep.sources import (
     SceneItems,
