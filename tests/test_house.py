@@ -31,7 +31,7 @@ FLOORS = ROBOT + LAB
 MOST_ARROWS = 69
 """Pairs of rooms one of which imports the other; the lowest two floors do not count."""
 
-CEILINGS = {"robot": 17_930, "lab": 19_320, "comparisons": 12_930, "tests": 34_250}
+CEILINGS = {"robot": 17_930, "lab": 19_320, "comparisons": 12_930, "tests": 31_060}
 """Lines of Python. These numbers and those of FOLDERS only fall."""
 
 MOST_FILES = 14
@@ -41,9 +41,9 @@ FOLDERS = {
     "qpavoid/lab/simulation": 22,
     "qpavoid/lab/study": 17,
     "tests": 17,
-    "tests/avoidance": 32,
+    "tests/avoidance": 27,
     "tests/comparisons": 28,
-    "tests/support": 34,
+    "tests/support": 30,
 }
 """Folders of more modules than that, without ``__init__``."""
 

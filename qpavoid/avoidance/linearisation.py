@@ -114,7 +114,7 @@ def sector(n_x: float, n_y: float) -> int:
 
 @compiled
 def side_at(sides: Array, row: int) -> Side:
-    """Return a row of the table."""
+    """Return a row of the table as a record."""
     s = sides[row]
     return Side(s[0], s[1], s[2], s[3], s[4], s[5], s[6])
 

@@ -155,7 +155,7 @@ def ramp(
 
 @compiled
 def arc_at(arcs: Array, row: int) -> Arc:
-    """Return a row of the table."""
+    """Return a row of the table as a record."""
     a = arcs[row]
     return Arc(a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9])
 

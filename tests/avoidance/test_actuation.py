@@ -121,7 +121,7 @@ def least_distance(
     return least
 
 
-@pytest.mark.parametrize("count", [12, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [8, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("ahead", [False, True], ids=["present", "ahead"])
 @pytest.mark.parametrize("name", BASES)
 def test_r_min_is_kept_by_a_base_that_does_what_is_said_of_it(name, ahead, count):
@@ -152,9 +152,9 @@ def least_at(dt, seed):
     return least_distance(base, seed, ahead, None, dt, look, held, seed % 4 == 3)
 
 
-@pytest.mark.parametrize("count", [40, pytest.param(2000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [24, pytest.param(2000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("dt", PERIODS)
 def test_r_min_is_kept_at_any_period_and_horizon(dt, count):
     """Plans last whole control steps, whatever the period (theorem 1)."""
-    count = min(count, round(600 * dt)) if count == 40 else count
+    count = min(count, round(600 * dt)) if count == 24 else count
     assert min(least_at(dt, k) for k in range(count)) >= R_MIN - epsilon(R_MIN)

@@ -177,7 +177,6 @@ def test_what_grows_far_away_is_too_near_in_the_end():
         assert not judged.near(0, (0.0, 0.999 * when), level)[0]
 
 
-# ------------------------------------------------------------------ bounded work
 @pytest.fixture
 def looks(monkeypatch):
     """Count the distances that a function asks for, run as plain Python."""

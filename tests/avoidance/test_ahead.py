@@ -67,7 +67,6 @@ def moving(place, velocity, radius):
 NEAREST = Status.TRACKING, Status.FILTERED
 
 
-# -------------------------------------------- what the present alone does not see
 @robots
 @pytest.mark.parametrize(
     ("speed", "bearing"),
@@ -188,7 +187,6 @@ def test_a_step_keeps_to_its_memory(robot):
             assert len(set(states)) == 1
 
 
-# ------------------------------------------------------- the same as the present
 @robots
 @given(seeds, speeds, turns)
 def test_the_same_where_nothing_is_near_in_time(robot, seed, v, omega):
@@ -237,10 +235,6 @@ def test_the_repulsive_bound_knows_no_look_ahead():
     assert one[:7] == other[:7]
 
 
-# ------------------------------------------------------------ walls, many points
-
-
-# ------------------------------------------------------------------- which side
 @pytest.mark.parametrize("speed", [0.0, 0.2, 0.5, 0.8])
 @pytest.mark.parametrize("offset", [0.0, 0.02, -0.02])
 def test_a_disc_head_on_is_passed_on_one_side(speed, offset):
@@ -268,6 +262,3 @@ def test_a_side_is_kept_although_the_other_becomes_a_little_cheaper(hysteresis, 
             turned.append(side * decision.omega)
         assert turned[0] > 0.1
         assert (turned[-1] > 0.1) if kept else (turned[-1] < -0.1)
-
-
-# -------------------------------------------------------------------- symmetry

@@ -68,7 +68,6 @@ def speed(trace):
     return (later[-1, 0] - later[0, 0]) / ((len(later) - 1) * SECONDS / len(trace))
 
 
-# --------------------------------------------------------------- the corridor
 @steps
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("side", [0.175, 0.2, 0.3])
@@ -99,7 +98,6 @@ def test_whoever_drives_into_a_narrower_one_stops():
     assert trace[-1, 0] < 1.5 - 0.45 and abs(trace[-1, 3]) < 0.05
 
 
-# ------------------------------------------------- posts, wall ends and mouths
 Y = HALF + RADIUS + 0.005
 ENDS = [(1.71, Y, 1.71, Y + 2.0)]
 MOUTH = [*ENDS, (1.71, Y, 9.0, Y)]
@@ -127,6 +125,3 @@ def test_nobody_who_passes_at_r_min_and_5_mm_is_slowed(obstacles, both):
     trace = drive(on_both_sides(obstacles) if both else obstacles, 0.05, 4.0)
     assert trace[:, 3].min() >= 0.98
     assert np.abs(trace[:, 1]).max() <= 0.01
-
-
-# ---------------------------------------------------------------- a noisy LiDAR

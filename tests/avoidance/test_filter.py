@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from oracles import exact_answer, point_distance
-from qpavoid.avoidance.decision import Status
+from qpavoid.avoidance.decision import AT_REST, Decision, Status, blocked_if
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.model.footprint import Footprint
@@ -24,7 +24,6 @@ def present(**settings):
     return SafetyFilter(ROBOT, AvoidanceSettings(**settings), ahead=False)
 
 
-# ------------------------------------------------------------- without obstacles
 @given(speeds, turns)
 def test_without_obstacles_only_the_limits_act(v, omega):
     decision = SAFETY.filter(v, omega)
@@ -41,9 +40,6 @@ def test_empty_input_means_no_obstacles(nothing):
     plain = SAFETY.filter(0.6, 0.1)
     assert SAFETY.filter(0.6, 0.1, nothing)[:7] == plain[:7]
     assert SAFETY.filter(0.6, 0.1, [], [], [], [])[:7] == plain[:7]
-
-
-# ----------------------------------------------------------------- right answers
 
 
 def test_the_robot_brakes_before_a_point_ahead_by_hand():
@@ -63,9 +59,6 @@ def test_a_parked_robot_steps_aside():
     assert decision.v > 0.1 and decision.status is Status.FILTERED
     away = SAFETY.filter(0.0, 0.0, discs=disc, disc_velocities=[[-0.3, 0.0]])
     assert away[:3] == (0.0, 0.0, Status.TRACKING)
-
-
-# -------------------------------------------------------------------- statuses
 
 
 def test_relaxed_reports_the_least_slack():
@@ -90,7 +83,6 @@ def test_abeam_of_the_axle_nothing_helps_and_that_is_said():
         assert decision[:2] == pytest.approx((0.3, 0.1))
 
 
-# -------------------------------------------------------- who holds the twist
 def test_active_numbers_points_then_discs_then_walls():
     far = [5.0, 5.0]
     point, disc = [[0.85, 0.0]], [[0.95, 0.0, 0.1]]
@@ -116,9 +108,6 @@ def test_active_obstacles_are_exactly_those_that_matter(seed, v, omega):
     )
     alone = SAFETY.filter(v, omega, points[list(decision.active)])
     assert alone[:2] == pytest.approx(decision[:2], abs=1e-9)
-
-
-# --------------------------------------------------------------------- symmetries
 
 
 @given(seeds, speeds, turns)
@@ -165,3 +154,21 @@ def test_settings_and_robots_are_what_is_used():
     decision = SafetyFilter(small).filter(9.0, 9.0, points=ahead)
     assert decision[:2] == pytest.approx((0.3, 0.5))
     assert decision.clearance == pytest.approx(0.65)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize(
+    ("v", "omega", "stands"),
+    [
+        (0.0, 0.0, True),
+        (0.9 * AT_REST, 0.9 * AT_REST, True),
+        (AT_REST, 0.0, False),
+        (0.0, AT_REST, False),
+    ],
+)
+def test_blocked_is_said_of_what_stands(v, omega, stands, sign):
+    made = Decision(sign * v, sign * omega, Status.HOLDING, 0.3, 0.0, 0.0, (), 0.0)
+    assert blocked_if(made, False) == made
+    found = blocked_if(made, True)
+    assert (found.status is Status.BLOCKED) == stands
+    assert found._replace(status=made.status) == made

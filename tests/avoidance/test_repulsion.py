@@ -46,7 +46,6 @@ def around(gap, share=None):
         yield index, (x - along * n_y + gap * n_x, y + along * n_x + gap * n_y)
 
 
-# -------------------------------------------------------------------------- Eq. 5
 @given(coordinate, coordinate, bearing, st.floats(0, 10))
 def test_eq5_is_the_inverse_of_j_0(p_x, p_y, bearing, speed):
     if abs(p_x) < 1e-6:
@@ -96,7 +95,6 @@ def test_never_nan_at_any_lever_and_damping(p_x, p_y, bearing, damping):
         assert np.isfinite(law(p_x, p_y, *n, 10.0, damping)).all()
 
 
-# -------------------------------------------------------------------------- Eq. 7
 def test_eq7_by_hand_on_all_five_segments():
     """ω = ẋ_0 / (p_y cos α − p_x sin α) with α = −90, −40, 40, 90, 180 degrees."""
     quarter = {index: place for index, place in around(0.1, 0.25)}
@@ -142,7 +140,6 @@ def test_mirror_image(law, x, y):
     assert_allclose(mirrored, u * [1, -1], rtol=1e-6, atol=1e-9)
 
 
-# --------------------------------------------------------------- singular points
 SINGULAR = {
     "eq5": [(0.0, 0.4), (0.0, -0.4), (1e-12, 0.4)],
     "eq7": [(0.0, 0.4), (0.0, -0.4), (-0.55, 0.0), (-0.55, 1e-12)],
@@ -176,9 +173,6 @@ def test_damped_singular_points_are_finite_and_repelled(law):
             u, decision = push(law, place, damping=0.1)
             assert decision.status is Status.REPELLED
             assert np.abs(u).max() <= 10.0 / (2 * 0.1) + 10.0
-
-
-# -------------------------------------------------------- zone, nearest obstacle
 
 
 @laws

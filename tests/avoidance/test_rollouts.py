@@ -40,7 +40,6 @@ def close(one, other, within):
     assert abs(turn) <= within
 
 
-# --------------------------------------------------------------- step by step
 @every_robot
 @pytest.mark.parametrize("held", [False, True], ids=["from last", "from next"])
 @given(seeds)
@@ -138,7 +137,6 @@ def test_steps_counted_at_once_go_nearly_the_same_way(robot, seed):
         close(frame_of(coarse, time), frame_of(exact, time), 0.01)
 
 
-# ---------------------------------------------------------------------- slopes
 @robots
 @pytest.mark.parametrize("many", [1, 3])
 @given(speeds, turns, speeds, turns)

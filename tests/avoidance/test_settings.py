@@ -47,7 +47,6 @@ def test_safety_radius_may_jump():
     assert (radius.r_min(0.2), radius.r_min(0.2001)) == (0.17, 0.23)
 
 
-# ------------------------------------------------------------------- activation
 @kinds
 def test_activation_at_its_ends(kind):
     r_min, r = 0.17, 0.17 * 4 / 3
@@ -80,7 +79,6 @@ def test_a_zone_of_no_width_is_a_switch(kind):
     assert activation(kind, above, 0.2, 0.2) == 0.0
 
 
-# ---------------------------------------------------------------------- settings
 @pytest.mark.parametrize(
     ("kind", "wrong"),
     [

@@ -1,6 +1,7 @@
 """Theorem 1 of qpavoid.avoidance.judge: what stands still is never driven into."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from hostile import LIMITS, R_MIN, ROBOT, Case, epsilon, make_demands, make_scen
 from oracles import point_distance, wall_distance
 from qpavoid.avoidance.decision import BRAKING, HOLDING, RELAXED, STATUSES, Status
 from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.model.obstacles import Obstacles
 
 EPSILON = epsilon(R_MIN)
@@ -31,7 +33,6 @@ def holds(case, scenes, seed):
     return counts
 
 
-# ------------------------------------------------------------------- the theorem
 @limits
 @steps
 @aheads
@@ -77,7 +78,6 @@ def test_a_long_siege_wears_nothing_away():
         assert outcome.least >= R_MIN - EPSILON
 
 
-# ------------------------------------------------------------ an independent view
 def brute_distance(pose, world):
     """The least distance to anything in the world, by the oracles."""
     x, y, heading = pose
@@ -106,7 +106,6 @@ def test_the_oracles_see_the_same_distances(limits, dt):
     assert nearest < R_MIN + 0.3
 
 
-# ---------------------------------------------------------- from below r_min, touching
 @limits
 @aheads
 def test_from_below_r_min_it_never_comes_nearer(limits, ahead):
@@ -247,7 +246,6 @@ def test_never_worse_than_braking_at_once(limits, dt, ahead):
     assert given[RELAXED] + given[BRAKING] + given[HOLDING] > 0
 
 
-# ------------------------------------------------------------------------ statuses
 @aheads
 def test_braking_and_holding_are_true(ahead):
     """``holds`` counts lies: a status that is not what was done."""
@@ -304,3 +302,36 @@ def test_braking_is_full_and_along_the_arc():
         assert decision.status is Status.BRAKING
         assert decision[:2] == pytest.approx((0.04 * left, 0.02 * left), abs=1e-12)
         pose = driven_to(pose, *decision[:2], case.dt)
+
+
+SLOW = replace(
+    ROBOT, limits=replace(ROBOT.limits, acceleration=0.5, angular_acceleration=1.0)
+)
+DT = 0.05
+
+
+@pytest.mark.parametrize("ahead", [False, True], ids=["present", "ahead"])
+@pytest.mark.parametrize("r_min", [0.17, 0.02])
+@pytest.mark.parametrize("speed", [0.009, 0.011, 0.05, 0.09])
+def test_who_drives_at_what_creeps_does_not_touch_it(speed, r_min, ahead):
+    """At 1 m/s, with 0.5 m/s², straight or in a curve, wherever it comes from."""
+    settings = AvoidanceSettings(SafetyRadius(r_min, r_min), dt=DT)
+    for k in range(12):
+        rng = np.random.default_rng([7, k])
+        turn, wish = rng.uniform(-math.pi, math.pi), (1.0, rng.choice([0.0, 0.3, -0.5]))
+        place = rng.uniform([1.2, -0.4], [2.5, 0.4])
+        velocity = speed * np.array([math.cos(turn), math.sin(turn)])
+        if k % 2:
+            velocity = -speed * place / np.hypot(*place)
+        safety, pose, trace = SafetyFilter(SLOW, settings, ahead=ahead), (0.0,) * 3, []
+        for step in range(80):
+            disc = [[*(place + step * DT * velocity), 0.1]]
+            world = Obstacles(discs=disc, disc_velocities=[velocity])
+            decision = safety.filter(*wish, world.seen_from(pose))
+            trace.append((*pose, decision.v, decision.omega))
+            pose = driven_to(pose, decision.v, decision.omega, DT)
+        lines = lines_of(discs=[[*place, 0.1]], velocities=[velocity])
+        moving = np.abs(np.array(trace)[:, 3:]).max(axis=1) > 1e-9
+        last = 1 + (np.flatnonzero(moving)[-1] if moving.any() else 0)
+        trace = np.array(trace)[:last]
+        assert least_in_all(SLOW.footprint.vertices, trace, DT, lines) > 0.0

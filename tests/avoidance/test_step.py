@@ -317,7 +317,6 @@ def test_it_answers_whatever_it_is_given(call, v, omega):
     assert (decision.problem != "") == (decision.status is Status.INVALID)
 
 
-# ------------------------------------------------------- what a stranger found
 def test_a_filter_that_has_met_nothing_may_be_acknowledged():
     safety = SafetyFilter(ROBOT, freshness=Freshness(good=math.inf))
     safety.acknowledge()

@@ -209,7 +209,6 @@ def test_j_0_is_casadis_derivative_in_both_frames():
             assert np.linalg.det(j_0) == pytest.approx(p_x, abs=1e-14)
 
 
-# ------------------------------------------------------------------ many at once
 def scene(rng):
     square = np.array([[0, 0], [0.5, 0], [0.7, 0.5], [0, 0.4]])
     return Obstacles(
@@ -274,7 +273,6 @@ def test_a_row_of_the_table_reads_as_it_was_written():
     assert nearest_distance(contacts, -1) == math.inf
 
 
-# ------------------------------------------------------------- walls and polygons
 WALLS = {
     "through the middle": (-0.05, -0.4, 0.05, 0.4),
     "through a corner": (0.3, 0.35, 0.8, 0.1),

@@ -75,7 +75,6 @@ def check_limits(limits, last, u, dt):
     assert abs(omega - last[1]) <= limits.angular_acceleration * dt + HAIR
 
 
-# ---------------------------------------------------------------- bad limits
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
@@ -96,7 +95,6 @@ def test_the_numbers_of_a_robot_are_its_limits_and_its_size():
     assert numbers_of(limits).tolist() == list(expected)
 
 
-# ------------------------------------------------------------------ closed forms
 def test_twist_box_by_hand():
     robot = numbers_of(Limits(-0.5, 1.0, -1.0, 1.5, 2.0, 3.0))
     assert twist_box(robot, 0.0, 0.0, 0.1) == pytest.approx((-0.2, 0.2, -0.3, 0.3))
@@ -162,7 +160,6 @@ def test_without_accelerations_a_stop_takes_one_step():
     assert stopping_time(robot, 1.0, 2.0, 0.1) == pytest.approx(0.1)
 
 
-# --------------------------------------------------------------- what always holds
 @given(all_limits(), speeds, turns, speeds, turns, times)
 def test_what_is_driven_keeps_all_limits(limits, v, omega, last_v, last_omega, dt):
     last = inside(limits, last_v, last_omega)
@@ -200,7 +197,6 @@ def test_braking_drives_the_rest_of_the_arc(limits, v, omega, dt):
     assert pose == pytest.approx(expected, abs=1e-6)
 
 
-# ------------------------------------------------------------- hard rows in the QP
 def wheel_rows(track, w_max):
     half = track / 2
     rows = [[1, -half], [1, half], [-1, -half], [-1, half]]
@@ -242,7 +238,6 @@ def test_the_problem_of_a_robot_with_wheels_has_their_rows():
     assert decision.active == ()
 
 
-# ------------------------------------------------------------------ filter's answers
 @pytest.mark.parametrize("ahead", [False, True], ids=["present", "ahead"])
 @given(all_limits(), seeds, times)
 def test_every_answer_of_the_filter_keeps_all_limits(ahead, limits, seed, dt):

@@ -144,7 +144,6 @@ def test_each_call_is_judged_alone(robot, monkeypatch):
     assert statuses == [Status.FILTERED, Status.STOPPED] * 3
 
 
-# ---------------------------------------------------------------------- registry
 def test_unknown_names_are_suggested_for(robot):
     for ask in (
         lambda name: solve(qp(), name),

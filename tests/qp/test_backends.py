@@ -74,7 +74,6 @@ def check(solution, expected, name, hard=False):
     assert max(solution.violation, solution.suboptimality) <= 1e-6
 
 
-# ------------------------------------------------------------- same right answers
 @pytest.mark.parametrize(("name", "case"), list(pairs()))
 def test_problem_bank(name, case):
     solution = solve(case.problem, name)

@@ -80,7 +80,6 @@ def test_every_limit_counts_as_a_violation(rows):
         assert problem.certify(*twist)[0] == pytest.approx(excess)
 
 
-# ------------------------------------------------------------ problems as values
 @pytest.mark.parametrize(
     "wrong",
     [

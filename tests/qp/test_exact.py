@@ -31,7 +31,6 @@ def assert_solves(problem, expected, atol=1e-8):
     return solution
 
 
-# ------------------------------------------------------------------ right answers
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_problem_bank(case):
     solution = assert_solves(case.problem, case.expected)
@@ -68,7 +67,6 @@ def test_nearly_parallel_rows(exponent):
     assert weighted[0] == pytest.approx(weighted[1], abs=1e-9)
 
 
-# ------------------------------------------------- half-planes that just touch
 @pytest.mark.parametrize("gap", [0.0, *10.0 ** np.arange(-17.0, -6.0)])
 @pytest.mark.parametrize("share", [-1.0, 0.3, 0.7, 1.0, 1.1, 1.3, 1.6, 1.7, 2.2])
 def test_two_rows_that_just_meet_or_just_miss(gap, share):
@@ -108,7 +106,6 @@ def test_rows_of_opposite_directions_without_limits():
         assert violation <= 1.001e-3
 
 
-# --------------------------------------------------------------- least violation
 def test_slack_by_hand():
     """v ≥ 0.4 and v ≤ 0.1 want 0.15 each; then the nearest twist, 1 mm/s wide."""
     solution = solve(qp([[1, 0], [-1, 0]], [0.4, -0.1]))
@@ -138,10 +135,6 @@ def test_slack_tolerance_is_given_way_to():
             solve(problem, slack_tolerance=bad)
 
 
-# ----------------------------------------------------------------------- algebra
-
-
-# ------------------------------------------------------------- worst case ------
 @pytest.mark.parametrize("rows", [0, 1, 7, 100, 1000])
 def test_rounds_are_bounded_and_few(rows):
     """A problem of m rows names at most m + 4 half-planes; usually two to five."""

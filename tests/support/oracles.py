@@ -12,7 +12,6 @@ from scipy.optimize import linprog
 from scipy.spatial import HalfspaceIntersection
 
 
-# ---------------------------------------------------------------- plane geometry
 def point_to_segment(p, a, b):
     """Distance, and the nearest point, by clamped projection."""
     p, a, b = (np.asarray(x, dtype=float) for x in (p, a, b))
@@ -68,7 +67,6 @@ def wall_distance(vertices, wall):
     return least
 
 
-# ------------------------------------------------------- the QP in exact fractions
 def exact_planes(problem):
     """All half-planes as (a_1, a_2, bound, softness), limits with softness 0."""
     planes = [
@@ -161,7 +159,6 @@ def lowered(slack, tolerance=1e-3):
     return slack + min(max(slack, Fraction(1, 10**9)), tolerance)
 
 
-# --------------------------------------------------------- the same for many rows
 def large_answer(problem, slack_tolerance=1e-3):
     """Return (u, slack) by linprog and the corners of the polygon that qhull finds."""
     rows = len(problem.b)

@@ -112,7 +112,6 @@ def test_cubic_wants_positive_numbers(bad):
         CubicPath((0, 0, 0), (1, 0, 0), 1.0, bad)
 
 
-# --------------------------------------------------------------------- the spline
 WAY = np.array([[0, 0], [1, 0.2], [2, -0.3], [3, 0.5], [4, 0.4], [5, 1.5]], dtype=float)
 
 

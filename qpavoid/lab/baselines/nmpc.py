@@ -221,7 +221,7 @@ def polygon_distance(vertices: BodyPoints, pose: Any, p: Any) -> Any:
         past = along - ca.fmin(ca.fmax(along, 0.0), length)
         square = ca.fmin(square, across**2 + past**2)
         beyond = ca.fmax(beyond, across)
-    # Outside the nearest edge, inside the least deep one.
+    # Outside the nearest edge counts, inside the least deep one.
     return ca.if_else(beyond > 0.0, ca.sqrt(square + ROOT_FLOOR), beyond)
 
 

@@ -42,7 +42,7 @@ OPTIONS = {**IPOPT, "mu_strategy": "monotone", "nlp_scaling_method": "none"}
 LONGEST_TICKS = 3.0
 """Greatest ΔT in ticks: a longer one could skip a moving obstacle."""
 
-SLOWEST_GUESS = 0.1
+SLOWEST = 0.1
 """m/s and rad/s; least speeds of an initial guess."""
 
 
@@ -180,8 +180,8 @@ def bow(limits: Limits, shape: Shape, end: Pose, height: float) -> Band:
     back = end[0] < 0.0 and limits.v_min < 0.0
     headings = np.unwrap(np.append(0.0, facing + math.pi * back))
     turns = np.diff(headings)
-    speed = max(min(limits.v_max, limits.wheel_speed), SLOWEST_GUESS)
-    times = np.abs(turns) / max(limits.omega_max, SLOWEST_GUESS)
+    speed = max(min(limits.v_max, limits.wheel_speed), SLOWEST)
+    times = np.abs(turns) / max(limits.omega_max, SLOWEST)
     steps = shape.within(np.maximum(lengths / speed, times))
     twists = np.array([-lengths if back else lengths, turns]).T / steps[:, None]
     return Band(np.vstack([places, headings]).T, twists, steps, np.zeros_like(steps))

@@ -2,7 +2,8 @@
 
 A twist goes through the driver: a delay, limits of acceleration, and for every wheel
 v ∓ ω b m/2 (b: track, m: wheel separation multiplier), which its motor follows as a
-system of first order within its torque. The contact of wheels and ground is simulated.
+system of first order within its torque. The contact of wheels and ground is
+simulated.
 
 Obstacles are not part of it. Clearances are computed along the arc of every control
 step as with every other plant, so a contact is recorded but stops nothing, and
