@@ -12,11 +12,11 @@ from qpavoid.guide.rollout import ROWS, parking
 from qpavoid.guide.room import AMPLE, GRID_PITCH, Field, new_field, outline
 from qpavoid.guide.steering import TURN_FROM, park_twist, point_ahead
 from qpavoid.guide.way import (
+    ARC_LENGTH,
     CHANGE_COST,
     MOST_ACTIONS,
     NEAR_COST,
     REVERSE_COST,
-    STEP,
     TURN_COST,
     Search,
     _cost,
@@ -104,7 +104,7 @@ def test_it_is_parked_at_the_very_end_of_the_reference():
 @pytest.mark.parametrize("room", [-0.1, 0.0, 0.5 * AMPLE, 2 * AMPLE])
 def test_an_action_costs_its_way_its_turn_and_its_change(room):
     near = {-0.1: 1.0, 0.0: 1.0, 0.5 * AMPLE: 0.25, 2 * AMPLE: 0.0}[room]
-    way, turn = STEP * (1.0 + NEAR_COST * near), 0.3 * TURN_COST
+    way, turn = ARC_LENGTH * (1.0 + NEAR_COST * near), 0.3 * TURN_COST
     assert _cost(0.0, -0.3, 1.0, room) == pytest.approx(turn)
     assert _cost(0.1, 0.3, 0.0, room) == pytest.approx(turn + way)
     assert _cost(0.1, 0.0, 1.0, room) == pytest.approx(way)
