@@ -27,6 +27,9 @@ BEAMS = (180, 181, 360, 361)
 OTHER_WORDS = 11
 """Words of a line beside its ranges: name, number of beams, and 9 after them."""
 
+NO_ECHO = 80.0
+"""m; least range that counts as no echo."""
+
 LONGEST_HOLD = 1.0
 """s; greatest time that a twist is held in a replay."""
 
@@ -52,15 +55,15 @@ class Scan(NamedTuple):
     ranges: Array
     angles: Array
 
-    def points(self, farthest: float = 80.0) -> Array:
-        """Return the echoes nearer than ``farthest`` (m) as points, laser frame.
+    def points(self) -> Array:
+        """Return the echoes nearer than :data:`NO_ECHO` as points, laser frame.
 
         A range of 0 is no echo.
         """
         points = self.ranges[:, None] * np.column_stack(
             [np.cos(self.angles), np.sin(self.angles)]
         )
-        return np.asarray(points[(self.ranges > 0.0) & (self.ranges < farthest)])
+        return np.asarray(points[(self.ranges > 0.0) & (self.ranges < NO_ECHO)])
 
 
 def beam_angles(beams: int) -> Array:
