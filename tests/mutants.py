@@ -185,5 +185,5 @@ if __name__ == "__main__":
     for one in (AvoidanceSettings, GuideSettings):  # records readable by name in Python
         one.record = lambda *x, made=one.record: made(*x).view(np.recarray)
     folders = [str(ROOT / "tests" / name) for name in FOLDERS]
-    quiet = ["-q", "--tb=no", "-p", "no:cacheprovider", "-W", "ignore", "-r", ""]
+    quiet = ["-q", "-s", "--tb=no", "-p", "no:cacheprovider", "-W", "ignore", "-r", ""]
     pytest.main([*quiet, *folders, f"--rootdir={ROOT}"], [sys.modules["__main__"]])

@@ -208,7 +208,7 @@ def test_every_shipped_file_passes_the_check(capsys):
         (["export-c", "c", "--robot", "mir10"], 2, "did you mean 'mir100'"),
         (["check", "barn/world_0", "--data", "/nowhere"], 1, "is in none of"),
         (["compare", "--controllers", ","], 2, "unknown controller ''"),
-        (["run", "paper/test_case_2", "--animate", "a.txt"], 2, "ends in .gif or .mp4"),
+        (["run", "paper/test_case_2", "--animate", "a.txt"], 2, "ends in .gif"),
         (["run", "paper/test_case_2", "--controller", "nomod:Foo"], 2, "No module"),
         (["sweep", "studies/smoke", "--out", "x", "--controllers", "json:F"], 2, "no"),
         (["export-c", "c", "--obstacles", "-1"], 2, "--obstacles"),

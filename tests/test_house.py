@@ -31,19 +31,16 @@ FLOORS = ROBOT + LAB
 MOST_ARROWS = 69
 """Pairs of rooms one of which imports the other; the lowest two floors do not count."""
 
-CEILINGS = {"robot": 17_930, "lab": 19_320, "comparisons": 12_930, "tests": 31_060}
+CEILINGS = {"robot": 17_820, "lab": 16_350, "comparisons": 6_930, "tests": 26_720}
 """Lines of Python. These numbers and those of FOLDERS only fall."""
 
 MOST_FILES = 14
 FOLDERS = {
     "qpavoid/avoidance": 30,
-    "qpavoid/lab/baselines": 23,
-    "qpavoid/lab/simulation": 22,
-    "qpavoid/lab/study": 17,
-    "tests": 17,
+    "tests": 16,
     "tests/avoidance": 27,
-    "tests/comparisons": 28,
-    "tests/support": 30,
+    "tests/comparisons": 16,
+    "tests/support": 29,
 }
 """Folders of more modules than that, without ``__init__``."""
 

@@ -69,7 +69,7 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
     "run": (
         runs.run,
         *(CONFIG, option(*ONE, "qp-ahead+guide", type=runs.one_name)),
-        option("--animate FILE", "write a .gif or .mp4 too"),
+        option("--animate FILE", "write a .gif too"),
         *(BACKEND, OUT, FIGURES, DATA, TRUST, JSON),
     ),
     "list": (

@@ -36,7 +36,7 @@ def told_by(option: str, *wrong: type[QPAvoidError]) -> Iterator[None]:
         raise UsageError(f"{option}: {error}") from None
 
 
-def make_console(quiet: bool = False) -> "Console":
+def make_console() -> "Console":
     """Return where tables are printed; in a file they are wide."""
     from rich.console import Console
 
@@ -44,8 +44,8 @@ def make_console(quiet: bool = False) -> "Console":
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError
 
-    console = Piped(quiet=quiet)
-    return console if console.is_terminal else Piped(width=FILE_WIDTH, quiet=quiet)
+    console = Piped()
+    return console if console.is_terminal else Piped(width=FILE_WIDTH)
 
 
 def give(options: Namespace, data: Any, show: Callable[[], None]) -> None:

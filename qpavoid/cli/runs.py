@@ -2,7 +2,6 @@
 
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
 from qpavoid.cli.output import between_steps, give, make_console, progress, told_by
@@ -49,10 +48,10 @@ def compare(options: Namespace) -> None:
 def run(options: Namespace) -> None:
     """Run one controller on one scenario."""
     if options.animate:
-        from qpavoid.lab.study.animation import animate, film_writer
+        from qpavoid.lab.study.animation import animate, film_path
 
         with told_by("--animate", InvalidInputError):
-            film_writer(Path(options.animate))
+            film_path(options.animate)
     logs = _simulate([options.config], [options.controller], options)
     if options.animate:
         with make_console().status("drawing the animation"):

@@ -9,14 +9,14 @@ from boxes import RADIUS, box
 from qpavoid.guide.choice import listed, side_share
 from qpavoid.guide.geodesic import Goal, cells_of, geodesic
 from qpavoid.guide.rollout import ROWS, parking
-from qpavoid.guide.room import AMPLE, FINE, Field, new_field, outline
-from qpavoid.guide.steering import ASIDE, park_twist, point_ahead
+from qpavoid.guide.room import AMPLE, GRID_PITCH, Field, new_field, outline
+from qpavoid.guide.steering import TURN_FROM, park_twist, point_ahead
 from qpavoid.guide.way import (
+    ARC_LENGTH,
     CHANGE_COST,
     MOST_ACTIONS,
     NEAR_COST,
     REVERSE_COST,
-    STEP,
     TURN_COST,
     Search,
     _cost,
@@ -53,7 +53,7 @@ def test_the_field_is_the_distance_at_every_node_and_less_within_polygons():
         [*shapes, shapely.LineString([(-1, 0.5), (-0.3, 1)])]
     )
     field = new_field(HALF, WIDE, RADIUS, world.arrays)
-    along = FINE * np.arange(len(field)) - HALF
+    along = GRID_PITCH * np.arange(len(field)) - HALF
     x, y = np.meshgrid(along, along, indexing="ij")
     truth = shapely.distance(everything, shapely.points(x, y))
     near = (truth > 0.0) & (truth < AMPLE)
@@ -104,7 +104,7 @@ def test_it_is_parked_at_the_very_end_of_the_reference():
 @pytest.mark.parametrize("room", [-0.1, 0.0, 0.5 * AMPLE, 2 * AMPLE])
 def test_an_action_costs_its_way_its_turn_and_its_change(room):
     near = {-0.1: 1.0, 0.0: 1.0, 0.5 * AMPLE: 0.25, 2 * AMPLE: 0.0}[room]
-    way, turn = STEP * (1.0 + NEAR_COST * near), 0.3 * TURN_COST
+    way, turn = ARC_LENGTH * (1.0 + NEAR_COST * near), 0.3 * TURN_COST
     assert _cost(0.0, -0.3, 1.0, room) == pytest.approx(turn)
     assert _cost(0.1, 0.3, 0.0, room) == pytest.approx(turn + way)
     assert _cost(0.1, 0.0, 1.0, room) == pytest.approx(way)
@@ -127,7 +127,7 @@ def test_to_park_it_drives_whichever_way_takes_the_smaller_turns():
         sign = min(turns, key=turns.get)
         v, omega = park_twist(limits, (goal.real, goal.imag, turn))
         assert omega * np.angle(ways[sign]) > 0.0
-        assert v * sign >= 0.0 and (v == 0.0) == (abs(np.angle(ways[sign])) > ASIDE)
+        assert v * sign >= 0.0 and (v == 0.0) == (abs(np.angle(ways[sign])) > TURN_FROM)
 
 
 @pytest.mark.parametrize("way", [0.0, 0.5, 2.0, 100.0])

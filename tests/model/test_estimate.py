@@ -267,7 +267,7 @@ BAD = {
     "none": (1.1, ["a"], None, "positions"),
     "too many": (1.1, ["a", "b"], [[0.0, 0.0]], "2 or more ids for 1 positions"),
     "too few": (1.1, [], [[0.0, 0.0]], "0 ids for 1 positions"),
-    "twice": (1.1, ["a", "c", "a"], np.zeros((3, 2)), "'a' comes twice"),
+    "twice": (1.1, ["a", "c", "a"], np.zeros((3, 2)), "'a' is repeated"),
     "unhashable": (1.1, [["a"]], [[0.0, 0.0]], "hashable"),
     "no list": (1.1, 5, [[0.0, 0.0]], "hashable"),
     "backwards": (0.9, ["a"], [[0.0, 0.0]], "backwards"),

@@ -78,7 +78,7 @@ def check_limits(limits, last, u, dt):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"wheel_speed": 1.0}, "want a track"),
+        ({"wheel_speed": 1.0}, "need a track"),
         ({"v_min": 0, "v_max": 0, "omega_min": 0, "omega_max": 0}, "no twist but zero"),
     ],
     ids=str,

@@ -51,11 +51,11 @@ def test_values_are_set_and_refused_by_name():
     for wrong, said in (
         (
             {"radius.r_min_slow_m": -1.0},
-            "radius: a safety radius wants r_min_slow >= 0",
+            "radius: a safety radius needs r_min_slow >= 0",
         ),
         ({"filter.gamma_per_s": 100.0}, r"filter: gamma \* dt = 5 > 1"),
         ({"filter.bound": "none"}, "to be one of barrier, repulsion"),
-        ({SHAPE: corners[:-1]}, "wants pairs"),
+        ({SHAPE: corners[:-1]}, "needs pairs"),
         ({SHAPE: corners[-2:] + corners[2:6] + corners[:2]}, "counter-clockwise"),
     ):
         with pytest.raises(InvalidInputError, match=said):
@@ -112,7 +112,7 @@ def test_markers_show_what_holds_the_robot(guard):
     drawn = {one.name: one for one in markers(guard, now)}
     footprint = guard.setup.robot.footprint
     np.testing.assert_array_equal(drawn["footprint"].points[:-1], footprint.vertices)
-    rim = drawn["zone of what is slow"].points
+    rim = drawn["zone of slow obstacles"].points
     away = Contacts.of(footprint, Obstacles(rim)).distance
     np.testing.assert_allclose(away, 0.17, atol=1e-9)
     lines = drawn["active contacts"].points.reshape(-1, 2, 2)

@@ -227,11 +227,11 @@ def test_a_frame_that_is_not_known_is_named_with_those_that_are():
 
 @pytest.mark.parametrize(
     ("wiring", "said"),
-    [({"scans": ()}, "name a topic in scans or in clouds"),
-     ({"scans": ("a", "a")}, "a topic is named twice"),
-     ({"frame_poses": ()}, "frame_poses wants 6 numbers"),
+    [({"scans": ()}, "must name a topic"),
+     ({"scans": ("a", "a")}, "a topic is repeated"),
+     ({"frame_poses": ()}, "frame_poses needs 6 numbers"),
      ({"mask_boxes_m": (1.0, 0.0, 0.0, 1.0)}, "x_min, y_min < x_max"),
-     ({"mask_boxes_m": (1.0,)}, "4 numbers a box"),
+     ({"mask_boxes_m": (1.0,)}, "4 numbers per box"),
      ({"last_beam_stamps": ("scam",)}, "last_beam_stamps names"),
      ({"empty_is_free": ("scan",)}, "empty_is_free names"),
      ({"frame_poses": (0, 0, 0, 0, 0, 180)}, "180 degrees are 3.142 rad")],

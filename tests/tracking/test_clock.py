@@ -225,5 +225,5 @@ def test_a_narrow_passage_is_driven_because_the_reference_waits(data_folder):
 
 @pytest.mark.parametrize("bad", [{"free": 0.4}, {"wide": 0.05}])
 def test_bad_settings(bad):
-    with pytest.raises(InvalidInputError, match="waiting wants"):
+    with pytest.raises(InvalidInputError, match="waiting needs"):
         Waiting(**bad)

@@ -1,15 +1,15 @@
-"""Animations of runs: GIF, or MP4 where ffmpeg is installed."""
+"""Animations of runs as GIF."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
+from matplotlib.animation import PillowWriter
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from qpavoid.errors import InvalidInputError, QPAvoidError
+from qpavoid.errors import InvalidInputError
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.scene import (
     RunPlot,
@@ -26,61 +26,42 @@ FILM_DPI = 100
 
 
 def animate(
-    logs: Log | Sequence[Log],
-    path: str | os.PathLike[str],
-    fps: int = 10,
-    speed: float = 1.0,
-    progress: Callable[[float], None] = lambda share: None,
+    logs: Log | Sequence[Log], path: str | os.PathLike[str], fps: int = 10
 ) -> Path:
-    """Write the plan view of runs as a film, methods side by side; return its path.
+    """Write the plan view of runs in real time, methods side by side; return its path.
 
     Args:
         logs: A run, or several runs of one scenario.
-        path: Ends in ``.gif`` or ``.mp4``; its folder is made.
+        path: Ends in ``.gif``; its folder is made.
         fps: Frames per second; a GIF counts in hundredths of a second, so 10, 20 or 25
             are kept exactly.
-        speed: 1 shows the run in real time, 2 twice as fast.
-        progress: Called after every frame with the share that is done.
 
     Raises:
-        InvalidInputError: Another suffix, a rate that is not positive, no runs, or runs
-            of several scenarios.
-        QPAvoidError: No ffmpeg for an MP4.
+        InvalidInputError: Another suffix, no runs, or runs of several scenarios.
     """
     runs = [logs] if isinstance(logs, Log) else list(logs)
-    if not (fps > 0 and 0.0 < speed < np.inf):
-        raise InvalidInputError("an animation needs fps > 0 and speed > 0")
-    path = Path(path)
-    writer = film_writer(path, fps)
+    path = film_path(path)
     first_of(runs)
     t = max((log["t_s"] for log in runs), key=len)
-    times = np.arange(t[0], t[-1] + 0.5 * speed / fps, speed / fps)
     figure, scenes, clock = _stage(runs)
     path.parent.mkdir(parents=True, exist_ok=True)
+    writer = PillowWriter(fps=fps)
     with writer.saving(figure, str(path), FILM_DPI):
-        for number, time in enumerate(times, start=1):
+        for time in np.arange(t[0], t[-1] + 0.5 / fps, 1.0 / fps):
             step = int(np.abs(t - time).argmin())
             for scene in scenes:
                 scene.show(step)
             clock.set_text(f"t = {t[step]:.1f} s")
             writer.grab_frame()
-            progress(number / len(times))
     return path
 
 
-def film_writer(path: Path, fps: int = 10) -> AbstractMovieWriter:
-    """Return what writes a film of that suffix, or raise as :func:`animate` does."""
-    suffix = path.suffix.lower()
-    if suffix == ".gif":
-        return PillowWriter(fps=fps)
-    if suffix != ".mp4":
-        raise InvalidInputError(f"{path}: an animation ends in .gif or .mp4")
-    if not FFMpegWriter.isAvailable():
-        raise QPAvoidError(
-            f"{path}: writing .mp4 needs the program ffmpeg, which is not installed; "
-            "a .gif needs nothing"
-        )
-    return FFMpegWriter(fps=fps)
+def film_path(path: str | os.PathLike[str]) -> Path:
+    """Return the path of a film, which ends in ``.gif``; else an InvalidInputError."""
+    path = Path(path)
+    if path.suffix.lower() != ".gif":
+        raise InvalidInputError(f"{path}: an animation ends in .gif")
+    return path
 
 
 def _stage(runs: Sequence[Log]) -> tuple[Figure, list[RunPlot], Text]:

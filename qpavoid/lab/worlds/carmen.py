@@ -3,13 +3,10 @@
 A scan is a line
 
     FLASER n r_1 … r_n  x y γ  odom_x odom_y odom_γ  time host logger_time
-    ROBOTLASER1 type start fov step max accuracy mode n r_1 … r_n m i_1 … i_m
-        x y γ  robot_x robot_y robot_γ  tv rv front side turn  time host logger_time
 
-with the laser's pose, corrected in a corrected log. Beam k of FLASER's n = 180 or 360
-points to −90° + k 180°/n, counter-clockwise; n = 181 or 361 has one beam more, at +90°;
-for other numbers the field of view has to be given. Beams of ROBOTLASER1 point to start
-+ k step. Other messages are ignored.
+with the laser's pose, corrected in a corrected log. Beam k of n = 180 or 360 points to
+−90° + k 180°/n, counter-clockwise; n = 181 or 361 has one beam more, at +90°. Other
+messages are ignored.
 """
 
 import math
@@ -27,8 +24,11 @@ from qpavoid.types import Array, Pose
 BEAMS = (180, 181, 360, 361)
 """Numbers of beams of known directions; FLASER has no field of view."""
 
-MESSAGES = {"FLASER": (1, 9), "ROBOTLASER1": (8, 14)}
-"""Index of the number of beams in a line, and number of words after its echoes."""
+OTHER_WORDS = 11
+"""Words of a line beside its ranges: name, number of beams, and 9 after them."""
+
+NO_ECHO = 80.0
+"""m; least range that counts as no echo."""
 
 LONGEST_HOLD = 1.0
 """s; greatest time that a twist is held in a replay."""
@@ -46,7 +46,7 @@ class Scan(NamedTuple):
     Attributes:
         time: s, on the log's clock.
         pose: x, y (m), γ (rad) of the laser, world frame.
-        ranges: (n,) m; without an echo :data:`LARGEST`, FLASER's as logged.
+        ranges: (n,) m, as logged.
         angles: (n,) directions of the beams, rad, 0 straight ahead.
     """
 
@@ -55,36 +55,24 @@ class Scan(NamedTuple):
     ranges: Array
     angles: Array
 
-    def points(self, farthest: float = 80.0) -> Array:
-        """Return the echoes nearer than ``farthest`` (m) as points, laser frame.
+    def points(self) -> Array:
+        """Return the echoes nearer than :data:`NO_ECHO` as points, laser frame.
 
         A range of 0 is no echo.
         """
         points = self.ranges[:, None] * np.column_stack(
             [np.cos(self.angles), np.sin(self.angles)]
         )
-        return np.asarray(points[(self.ranges > 0.0) & (self.ranges < farthest)])
+        return np.asarray(points[(self.ranges > 0.0) & (self.ranges < NO_ECHO)])
 
 
-def beam_angles(beams: int, view: float | None = None) -> Array:
-    """Return the (n,) directions of the beams in rad, 0 straight ahead.
-
-    ``view``: from the first to the last; default that of a SICK with as many.
-    """
-    if view is not None:
-        return np.linspace(-0.5 * view, 0.5 * view, beams)
+def beam_angles(beams: int) -> Array:
+    """Return the (n,) directions of the beams in rad, 0 straight ahead."""
     return np.asarray(-math.pi / 2 + math.pi / (beams // 2 * 2) * np.arange(beams))
 
 
-def read_scans(
-    path: str | os.PathLike[str], message: str = "FLASER", view: float | None = None
-) -> Iterator[Scan]:
+def read_scans(path: str | os.PathLike[str]) -> Iterator[Scan]:
     """Yield the scans of a ``.log`` or ``.log.gz``, one at a time.
-
-    Args:
-        path: The log.
-        message: Name of its scans, one of :data:`MESSAGES`.
-        view: From FLASER's first beam to its last, rad; default a SICK's.
 
     Raises:
         DataError: The file is missing, ends early, holds no scan, or a line is damaged;
@@ -98,11 +86,11 @@ def read_scans(
             line = next(lines, "")
         if not line:
             break
-        if line.split(maxsplit=1)[:1] == [message]:
+        if line.split(maxsplit=1)[:1] == ["FLASER"]:
             found = True
-            yield _scan(f"{path}:{number}", line, view)
+            yield _scan(f"{path}:{number}", line)
     if not found:
-        raise DataError(f"{path}: holds no {message} line")
+        raise DataError(f"{path}: holds no FLASER line")
 
 
 def _check(where: str, numbers: Sequence[float], time: float) -> None:
@@ -112,42 +100,25 @@ def _check(where: str, numbers: Sequence[float], time: float) -> None:
         raise DataError(f"{where}: a number is beyond what a robot drives")
 
 
-def _scan(where: str, line: str, view: float | None = None) -> Scan:
+def _scan(where: str, line: str) -> Scan:
     words = line.split()
-    message, (at, after) = words[0], MESSAGES[words[0]]
-    plain = message == "FLASER"
     try:
-        beams = int(words[at])
-        if beams < 2:
-            raise DataError(f"{where}: {beams} beams are no scan")
-        if plain and view is None and beams not in BEAMS:
-            told = (
-                f"{beams} beams, where {BEAMS} are known: what do they span (--view)?"
-            )
-            raise DataError(f"{where}: {told}")
-        echoes = 0 if plain else 1 + max(int(words[at + 1 + beams]), 0)
-        wanted = at + 1 + beams + after + echoes
-        if len(words) != wanted:
-            told = f"{len(words)} words, where a scan of {beams} beams has {wanted}"
-            raise DataError(f"{where}: {told}")
-        ranges = np.array(words[at + 1 : at + 1 + beams], dtype=np.float64)
-        most = math.inf if plain else float(words[5])
-        poses = [*map(float, words[-after:][:6])]
-        start, step, time = map(float, (words[2], words[4], words[-3]))
+        beams = int(words[1])
+        if beams not in BEAMS:
+            raise DataError(f"{where}: {beams} beams, where {BEAMS} are known")
+        if len(words) != beams + OTHER_WORDS:
+            wanted = f"a scan of {beams} beams has {beams + OTHER_WORDS}"
+            raise DataError(f"{where}: {len(words)} words, where {wanted}")
+        ranges = np.array(words[2 : 2 + beams], dtype=np.float64)
+        x, y, heading, *others, time = map(float, [*words[-9:-3], words[-3]])
     except (ValueError, IndexError) as error:
         if isinstance(error, DataError):
             raise
-        raise DataError(f"{where}: a damaged {message} line ({error})") from None
-    _check(where, [*ranges, *poses, start, step], time)
+        raise DataError(f"{where}: a damaged FLASER line ({error})") from None
+    _check(where, [*ranges, x, y, heading, *others], time)
     if (ranges < 0).any():
         raise DataError(f"{where}: a range is negative")
-    if most > 0.0:  # without an echo a range is the laser's greatest
-        ranges[ranges >= most] = LARGEST
-    if not plain and not 0.0 < abs(step) * (beams - 1) <= 2.0 * math.tau:
-        raise DataError(f"{where}: {beams} beams {step:g} rad apart are no scan")
-    angles = beam_angles(beams, view) if plain else start + step * np.arange(beams)
-    x, y, heading, *_ = poses
-    return Scan(time, (x, y, heading), ranges, np.asarray(angles))
+    return Scan(time, (x, y, heading), ranges, beam_angles(beams))
 
 
 def twist_between(start: Pose, end: Pose, dt: float) -> tuple[float, float]:

@@ -118,20 +118,6 @@ def read_world(
         raise DataError(f"{path}: not a DynaBARN file ({error!r})") from None
 
 
-def world_numbers(path: str | os.PathLike[str]) -> list[int]:
-    """Return the numbers of the worlds in a file, ascending.
-
-    Raises:
-        DataError: The file is missing or damaged.
-    """
-    try:
-        return sorted(int(number) for number in read_json(path)["worlds"])
-    except DAMAGED as error:
-        if isinstance(error, DataError):
-            raise
-        raise DataError(f"{path}: not a DynaBARN file ({error!r})") from None
-
-
 def _key_frames(where: str, frame: Any) -> Cylinder:
     times, x, y = (np.array(frame[key], dtype=np.float64) for key in "txy")
     if times.ndim != 1 or len(times) < 2 or not times.shape == x.shape == y.shape:

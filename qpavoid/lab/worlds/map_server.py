@@ -64,13 +64,6 @@ class GridMap:
         others = np.vstack([np.column_stack([high, i]), np.column_stack([j, right])])
         return np.hstack([self._in_world(ends), self._in_world(others)])
 
-    def points(self) -> Array:
-        """Return the middles of the occupied cells on the outline, (n, 2), world, m."""
-        padded = np.pad(self.occupied, 1)
-        within = padded[2:, 1:-1] & padded[:-2, 1:-1]
-        within &= padded[1:-1, 2:] & padded[1:-1, :-2]
-        return self.middles(self.occupied & ~within)
-
     def middles(self, cells: Cells, most: float = math.inf) -> Array:
         """Return the middles (n, 2), world frame, m, of cells of (rows, columns).
 
