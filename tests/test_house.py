@@ -10,7 +10,7 @@ ROBOT = (
     {"errors", "types", "cache", "stamps"},
     {"compiled", "settings", "files"},
     {"model", "qp"},
-    {"tracking"},
+    {"tracking", "perception"},
     {"avoidance"},
     {"guide", "export"},
     {"ros"},

@@ -11,6 +11,7 @@ import argparse
 import math
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ from perception_scenes import BODY, Mover, Scene, box_walls, gone_after, line
 import qpavoid as qp
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.model.contacts import clearance_of
-from qpavoid.model.kinematics import integrate, to_world
+from qpavoid.model.kinematics import integrate
 from qpavoid.model.obstacles import Obstacles
 
 ROBOT = qp.Robot(
@@ -28,8 +29,15 @@ ROBOT = qp.Robot(
     qp.Limits(-0.6, 1.2, -1.5, 1.5, acceleration=1.0, angular_acceleration=3.0),
 )
 SETTINGS = qp.AvoidanceSettings(dt=0.05, radius=qp.SafetyRadius(0.10, 0.15))
-SPEED = 0.7
-"""m/s of the reference."""
+SPEED, ARRIVED, WARM, SIGHT = 0.7, 0.15, 1.0, 8.0
+"""m/s of the reference; m from the goal; s of scans before the start; m in which true
+discs are known."""
+
+ROUND = LidarSettings(beams=360, noise=0.01)
+PART = LidarSettings(
+    field_of_view=1.5 * math.pi, beams=270, noise=0.01, mount=(0.35, 0.0, 0.0)
+)
+"""All round, and 270° at the front of the robot; both at 10 Hz."""
 
 
 class Task(NamedTuple):
@@ -65,6 +73,7 @@ class Outcome(NamedTuple):
 
     @property
     def success(self) -> bool:
+        """Whether it arrived in time and touched nothing."""
         return self.arrived and not (
             self.touched or self.touched_still or self.furniture
         )
@@ -145,7 +154,7 @@ def rooms(seed: int) -> Task:
         else:
             posts += [(x + a, y + b, 0.025) for a in (-0.5, 0.5) for b in (-0.3, 0.3)]
     movers = []
-    for k in range(3):
+    for _ in range(3):
         room = -1.0 if random.random() < 0.5 else 1.0
         begin = (room * random.uniform(1.3, 3.2), random.uniform(-1.5, -1.2))
         end = (room * random.uniform(1.3, 3.2), random.uniform(1.2, 1.5))
@@ -169,141 +178,125 @@ KINDS = {
 }
 
 
-def apart(pose, bodies: Obstacles) -> float:
-    return float(clearance_of(ROBOT.footprint, bodies.seen_from(pose).arrays))
+class Drive:
+    """A run of a task: the robot, its LiDAR and guide, and who was touched.
 
+    Attributes:
+        task: To be driven.
+        pose: Of the robot, m and rad.
+        touched: Rows of people touched while the robot moved.
+        still: Rows of people who walked into it while it stood.
+        furniture: Whether it touched anything at rest.
+    """
 
-def drive(
-    task: Task, sense: str, lidar: LidarSettings, seed: int, settings=None
-) -> Outcome:
-    """Drive a task; ``sense`` is ``true``, ``points`` or ``perception``."""
-    scene, pose, dt = task.scene, task.start, SETTINGS.dt
-    random, device = np.random.default_rng(seed), Lidar(lidar)
-    wide, count = lidar.field_of_view, lidar.beams
-    step, round_ = wide / count, wide > 6.28
-    perception = qp.Perception(
-        ROBOT,
-        qp.Lidar(
-            field_of_view=2 * math.pi if round_ else wide - step,
-            mount=(*lidar.mount[:2], lidar.mount[2] + (0.5 * step if round_ else 0.0)),
-            range_max=lidar.range,
-        ),
-        settings,
-    )
-    guide = qp.Guide(ROBOT, SETTINGS)
-    warm, time = 1.0, 0.0
-    x, y, g = lidar.mount
-    angles = wide * ((np.arange(count) + 0.5) / count - 0.5) + g
-    every, scan = round(1.0 / (lidar.rate * dt)), np.zeros((0, 2))
-    still, touched = {}, {}
-    furniture = False
-    free = math.dist(task.start[:2], task.goal[:2]) / SPEED + 3.0
-    for k in range(int((warm + 3.0 * free) / dt)):
-        time = k * dt
-        world = scene.obstacles(time)
-        if k % every == 0:
-            ranges = device.ranges(pose, world)
-            none = ranges >= lidar.range
-            ranges = np.maximum(
-                ranges + lidar.noise * random.standard_normal(count), 0.0
+    def __init__(self, task: Task, sense: str, lidar: LidarSettings, seed: int) -> None:
+        self.task, self.pose, self._sense = task, task.start, sense
+        self._lidar = Lidar(replace(lidar, seed=seed))
+        self._perception = qp.Perception(ROBOT, self._lidar.geometry)
+        self._guide = qp.Guide(ROBOT, SETTINGS)
+        self.touched, self.still = set[int](), set[int]()
+        self.furniture = False
+
+    def see(self, time: float) -> Obstacles:
+        """Return the obstacles that the guide is given, robot frame."""
+        scene = self.task.scene
+        points = self._lidar.scan(self.pose, time, scene.obstacles(time))
+        if self._sense == "points":
+            return Obstacles(points)
+        if self._sense == "perception":
+            self._perception.update(
+                self._lidar.last, self._lidar.taken, self._lidar.pose
             )
-            ranges[none | (random.random(count) < lidar.dropout)] = math.inf
-            echo = np.isfinite(ranges)
-            r, a = ranges[echo], angles[echo]
-            scan = to_world(
-                np.column_stack([x + r * np.cos(a), y + r * np.sin(a)]), pose
-            )
-            if sense == "perception":
-                perception.update(ranges, time, pose)
-        if time < warm:
-            continue
-        if abs(time - warm) < 1e-9:
-            guide.go_to(pose, task.goal, speed=SPEED)
-        if sense == "true":
-            near = [
-                m
-                for m in scene.movers
-                if time >= m.begins and math.dist(m.path(time)[:2], pose[:2]) < 8.0
-            ]
-            discs = [(*m.motion(time)[:2], BODY) for m in near]
-            speeds = [m.motion(time)[2:4] for m in near]
-            seen = Obstacles(
-                discs=np.array([*discs, *scene.posts]).reshape(-1, 3),
-                disc_velocities=np.array(
-                    [*speeds, *[(0.0, 0.0)] * len(scene.posts)]
-                ).reshape(-1, 2),
-                walls=np.array(scene.walls),
-            ).seen_from(pose)
-        elif sense == "points":
-            seen = Obstacles(scan).seen_from(pose)
-        else:
-            seen = perception.obstacles(time, pose)
-        v, omega = guide.step(pose, seen)[:2]
-        pose = integrate(pose, (v, omega), 0.0, dt)
+            return self._perception.obstacles(time, self.pose)
+        near = [
+            mover.motion(time)
+            for mover in scene.movers
+            if time >= mover.begins and apart(mover, time, self.pose) < SIGHT
+        ]
+        return Obstacles(
+            discs=[*((x, y, BODY) for x, y, *_ in near), *scene.posts],
+            disc_velocities=[
+                *(m[2:4] for m in near),
+                *((0.0, 0.0) for _ in scene.posts),
+            ],
+            walls=scene.walls,
+        ).seen_from(self.pose)
+
+    def step(self, time: float) -> None:
+        """Drive one control step, and note who is touched."""
+        seen = self.see(time)
+        if time < WARM:
+            return
+        if time < WARM + SETTINGS.dt:
+            self._guide.go_to(self.pose, self.task.goal, speed=SPEED)
+        v, omega, *_ = self._guide.step(self.pose, seen)
+        self.pose = integrate(self.pose, (v, omega), 0.0, SETTINGS.dt)
+        moves = abs(v) > 0.02 or abs(omega) > 0.02
+        scene, after = self.task.scene, time + SETTINGS.dt
         for i, mover in enumerate(scene.movers):
-            if time + dt < mover.begins:
-                continue
-            discs, _ = mover.outline(time + dt)
-            if (
-                math.dist(mover.path(time + dt)[:2], pose[:2]) < 2.0
-                and apart(pose, Obstacles(discs=discs)) < 0.0
-            ):
-                moves = abs(v) > 0.02 or abs(omega) > 0.02
-                (touched if moves else still).setdefault(i, time)
-        rest = Obstacles(
-            discs=np.array(scene.posts).reshape(-1, 3), walls=np.array(scene.walls)
-        )
-        furniture |= apart(pose, rest) < 0.0
-        if math.dist(pose[:2], task.goal[:2]) < 0.15:
-            return Outcome(
-                True,
-                len(touched),
-                len(set(still) - set(touched)),
-                furniture,
-                time - warm,
-            )
-    return Outcome(
-        False, len(touched), len(set(still) - set(touched)), furniture, time - warm
-    )
+            if after >= mover.begins and apart(mover, after, self.pose) < 2.0:
+                discs, _ = mover.outline(after)
+                if self._touches(Obstacles(discs=discs)):
+                    (self.touched if moves else self.still).add(i)
+        self.furniture |= self._touches(Obstacles(discs=scene.posts, walls=scene.walls))
+
+    def _touches(self, bodies: Obstacles) -> bool:
+        arrays = bodies.seen_from(self.pose).arrays
+        return clearance_of(ROBOT.footprint, arrays) < 0.0
 
 
-def run(job) -> tuple[object, Outcome]:
-    kind, seed, sense, lidar = job
-    return job, drive(KINDS[kind](seed), sense, lidar, seed)
+def apart(mover: Mover, time: float, pose: Sequence[float]) -> float:
+    """Return the distance of a mover from the robot, m."""
+    return math.dist(mover.path(time)[:2], pose[:2])
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def drive(task: Task, sense: str, lidar: LidarSettings, seed: int) -> Outcome:
+    """Drive a task; ``sense`` is ``true``, ``points`` or ``perception``."""
+    made, time = Drive(task, sense, lidar, seed), 0.0
+    free = math.dist(task.start[:2], task.goal[:2]) / SPEED + 3.0
+    while time < WARM + 3.0 * free:
+        made.step(time)
+        time += SETTINGS.dt
+        if math.dist(made.pose[:2], task.goal[:2]) < ARRIVED:
+            break
+    arrived = math.dist(made.pose[:2], task.goal[:2]) < ARRIVED
+    still = len(made.still - made.touched)
+    return Outcome(arrived, len(made.touched), still, made.furniture, time - WARM)
+
+
+def run(job: tuple[str, int, str]) -> Outcome:
+    """Return the outcome of a kind, seed and sense."""
+    kind, seed, sense = job
+    return drive(KINDS[kind](seed), sense, PART if kind == "rooms" else ROUND, seed)
+
+
+def main() -> None:
+    """Drive the scenes and print a line for each kind and sense."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", type=int, default=60)
+    parser.add_argument("--begin", type=int, default=0, help="first seed")
     parser.add_argument("--kinds", nargs="*", default=list(KINDS))
     parser.add_argument("--senses", nargs="*", default=["true", "points", "perception"])
-    parser.add_argument("--begin", type=int, default=0)
-    options = parser.parse_args(arguments)
-    round_ = LidarSettings(beams=360, rate=10.0, noise=0.01, range=10.0)
-    part = LidarSettings(
-        field_of_view=1.5 * math.pi,
-        beams=270,
-        rate=10.0,
-        noise=0.01,
-        range=10.0,
-        mount=(0.35, 0.0, 0.0),
-    )
+    options = parser.parse_args()
+    seeds = range(options.begin, options.begin + options.scenes)
     with ProcessPoolExecutor(2) as pool:
         for kind in options.kinds:
-            lidar = part if kind == "rooms" else round_
             for sense in options.senses:
-                seeds = range(options.begin, options.begin + options.scenes)
-                done = list(pool.map(run, [(kind, s, sense, lidar) for s in seeds]))
-                out = [o for _, o in done]
-                failed = [(j[1], *o[:4]) for j, o in done if not o.success]
-                print(
-                    f"{kind:9s} {sense:10s} success {sum(o.success for o in out)} of {len(out)}, "
-                    f"touched {sum(o.touched for o in out)} + {sum(o.touched_still for o in out)} at rest, "
-                    f"furniture {sum(o.furniture for o in out)}, late {sum(not o.arrived for o in out)}, "
-                    f"time {np.median([o.time for o in out]):.1f} s",
-                    failed[:12],
-                    flush=True,
-                )
+                out = list(pool.map(run, [(kind, seed, sense) for seed in seeds]))
+                row = {
+                    "success": sum(one.success for one in out),
+                    "touched": sum(one.touched for one in out),
+                    "at rest": sum(one.touched_still for one in out),
+                    "furniture": sum(one.furniture for one in out),
+                    "late": sum(not one.arrived for one in out),
+                    "median time": round(
+                        float(np.median([one.time for one in out])), 1
+                    ),
+                }
+                failed = [
+                    s for s, one in zip(seeds, out, strict=True) if not one.success
+                ]
+                print(kind, sense, len(out), row, failed[:15], flush=True)
 
 
 if __name__ == "__main__":

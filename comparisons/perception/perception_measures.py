@@ -39,14 +39,21 @@ class Measured:
     where: list[tuple[float, ...]] = field(default_factory=list)
 
     def row(self) -> str:
-        q = lambda x, p: float(np.quantile(x, p)) if len(x) else math.nan  # noqa: E731
+        """Return the figures as text: shares, medians and 90 % quantiles."""
+        share = 100.0 / max(self.scans, 1)
+        known = self.known / max(self.to_know, 1)
         return (
-            f"false {100 * self.false / max(self.scans, 1):5.2f} % (<5 m {100 * self.false_near / max(self.scans, 1):5.2f}) "
-            f"right {self.known / max(self.to_know, 1):.3f} of {self.to_know:5d} "
-            f"v {q(self.speed_errors, 0.5):.3f}/{q(self.speed_errors, 0.9):.3f} "
-            f"p {q(self.place_errors, 0.5):.3f}/{q(self.place_errors, 0.9):.3f} "
-            f"wait p90 {q(self.waits, 0.9):.2f} (n {len(self.waits)})"
+            f"false {share * self.false:.2f} % (within 5 m {share * self.false_near:.2f}), "
+            f"right {known:.3f} of {self.to_know}, velocity {halves(self.speed_errors)} "
+            f"m/s, place {halves(self.place_errors)} m, after {halves(self.waits)} s"
         )
+
+
+def halves(values: list[float]) -> str:
+    """Return the median and the 90 % quantile."""
+    if not values:
+        return "-"
+    return "/".join(f"{np.quantile(values, q):.3f}" for q in (0.5, 0.9))
 
 
 def to_robot(pose: np.ndarray, states: np.ndarray) -> np.ndarray:

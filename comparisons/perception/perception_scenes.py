@@ -8,6 +8,7 @@ and the true state of every mover at the time of each scan.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ BODY = 0.25
 """m; radius of a person."""
 
 SHIN, STRIDE, SPREAD = 0.06, 0.35, 0.11
-"""m; radius of a shin, its swing ahead of and behind the person, half their distance."""
+"""m; radius of a shin, its swing ahead and behind, half the distance of both."""
 
 
 REST = 2.0
@@ -40,13 +41,14 @@ class Mover(NamedTuple):
     shape: object = "person"
     begins: float = 0.0
 
-    def motion(self, time: float) -> tuple[float, ...]:
+    def motion(self, time: float) -> np.ndarray:
         """Return x, y, v_x, v_y and turn rate of the middle, by central differences."""
         h = 1e-3
         a, b = self.middle(time - h), self.middle(time + h)
         x, y, _ = self.middle(time)
         turn = math.remainder(b[2] - a[2], 2 * math.pi)
-        return x, y, (b[0] - a[0]) / (2 * h), (b[1] - a[1]) / (2 * h), turn / (2 * h)
+        rates = np.array([b[0] - a[0], b[1] - a[1], turn]) / (2 * h)
+        return np.array([x, y, *rates])
 
     def middle(self, time: float) -> tuple[float, float, float]:
         """Return x, y and heading of the middle of its shape."""
@@ -186,7 +188,7 @@ def record(
 def drifted(poses: np.ndarray, drift: Drift, random: np.random.Generator) -> np.ndarray:
     """Return poses as odometry with errors gives them."""
     out = [poses[0]]
-    for a, b in zip(poses, poses[1:], strict=False):
+    for a, b in pairwise(poses):
         turn = math.remainder(b[2] - a[2], 2 * math.pi)
         c, s = math.cos(a[2]), math.sin(a[2])
         ahead = c * (b[0] - a[0]) + s * (b[1] - a[1])
@@ -322,7 +324,7 @@ def gone_after(path, until: float, start: float):
 
 
 def corridor(seed: int = 0) -> Scene:
-    """Return a corridor of 2 m with somebody oncoming along a wall; the robot drives."""
+    """Return a corridor of 2 m with people oncoming; the robot drives."""
     random = np.random.default_rng(seed)
     movers = []
     for k in range(6):
@@ -394,7 +396,7 @@ def large(kind: str) -> Scene:
     if kind == "door":
         walls = [*box_walls(-5, -4, 5, 2), (-5, 4, 5, 4)]
         walls[2:3] = [(5, 2, 1.0, 2), (0.0, 2, -5, 2)]
-        leaf = rectangle(0.9, 0.04) + (0.45, 0.0)
+        leaf = rectangle(0.9, 0.04) + np.array((0.45, 0.0))
 
         def path(time: float) -> tuple[float, float, float]:
             phase = (time - 3.0) % 12.0

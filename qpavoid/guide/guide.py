@@ -369,10 +369,8 @@ class Guide:
         Args:
             pose: Of the robot, world frame: x, y (m), γ (rad).
             obstacles: Robot frame; or (N, 2) points alone, m. Not with scans.
-            scan: Ranges of a LiDAR at the pose, for
-                :meth:`~qpavoid.perception.perception.Perception.update`.
-            stamp: Time of the scan, s. Without a scan, the time now: what was seen
-                before is predicted to it.
+            scan: Ranges of a LiDAR, as of ``Perception.update``; the pose is odometry.
+            stamp: Time of the scan, s; without a scan the time to predict to.
             driven: Measured (v, ω). Default the guide's last twist: after an emergency
                 stop it then continues with the speed before.
             age: s since the obstacles were measured.
@@ -386,10 +384,9 @@ class Guide:
             FaultError: Stamps or age are not valid.
         """
         driven = self._motors_driven(driven)
-        seen: Any = caught(self._see, pose, obstacles, scan, stamp)
+        given = obstacles, scan, stamp
         if on_error == "brake":
-            failed = isinstance(seen, BaseException)
-            found = seen if failed else caught(self._desire, pose, seen, driven)
+            found = caught(self._desire, pose, given, driven)
             if isinstance(found, BaseException):
                 decision = self._safety.brake(problem_of(found), driven)
             else:
@@ -401,9 +398,7 @@ class Guide:
                 raise known
             if isinstance(known, BaseException):
                 raise InvalidInputError(f"stamps must be Stamps: {known}")
-            if isinstance(seen, BaseException):
-                raise seen
-            v, omega, seen = self._desire(pose, seen, driven)
+            v, omega, seen = self._desire(pose, given, driven)
             decision = self._safety.filter(v, omega, seen, age=known, driven=driven)
         else:
             raise InvalidInputError("on_error must be 'raise' or 'brake'")
@@ -415,14 +410,14 @@ class Guide:
             return decision
         return blocked_if(decision, self._blocked)
 
-    def _see(self, pose: Pose, obstacles: Any, scan: Any, stamp: float | None) -> Any:
-        """Return the obstacles: those given, or what perception makes of a scan."""
+    def _see(self, pose: Pose, given: Any, scan: Any, stamp: Any) -> Obstacles:
+        """Return the given obstacles, or those of a scan."""
         if scan is None and stamp is None:
-            return obstacles
+            return given if isinstance(given, Obstacles) else Obstacles(given)
         if self.perception is None:
             self.perception = Perception(self.robot)
-        given = isinstance(obstacles, Obstacles) or len(obstacles) > 0
-        want(not given, "step needs obstacles, or else a scan")
+        none = not isinstance(given, Obstacles) and len(given) == 0
+        want(none, "step needs obstacles, or else a scan")
         time = math.nan if stamp is None else stamp
         if scan is None:
             return self.perception.obstacles(time, pose)
@@ -442,11 +437,13 @@ class Guide:
         return given if inside else driven
 
     def _desire(
-        self, pose: Pose, obstacles: Any, driven: Any
+        self, pose: Pose, given: tuple[Any, Any, Any], driven: Any
     ) -> tuple[float, float, Obstacles]:
-        """Return the desired twist of the guide, and the obstacles."""
-        at = as_pose(pose, "pose")
-        seen = obstacles if isinstance(obstacles, Obstacles) else Obstacles(obstacles)
+        """Return the desired twist of the guide, and the obstacles.
+
+        ``given``: obstacles, scan and stamp of :meth:`step`.
+        """
+        at, seen = as_pose(pose, "pose"), self._see(pose, *given)
         if driven is not None:
             self._driven = as_driven(driven, self._limits)
         before, self._pose = self._pose or at, at

@@ -25,14 +25,14 @@ from qpavoid.perception.scan import (
     ECHO_X,
     ECHO_Y,
     FROM_X,
-    NORMAL_X,
-    NORMAL_Y,
     RANGE,
+    SURFACE_X,
+    SURFACE_Y,
 )
-from qpavoid.perception.tracks import X, Y
+from qpavoid.perception.tracks import TRACK_X, TRACK_Y
 from qpavoid.types import Array, Pose
 
-ROUNDS, MOST_MATCHED, LEAST_MATCHED = 4, 180, 20
+ALIGN_ROUNDS, MOST_MATCHED, LEAST_MATCHED = 4, 180, 20
 """Iterations; echoes that are matched at most, and at least."""
 
 FIRST_REACH, REACH = 0.25, 0.15
@@ -45,14 +45,14 @@ WAY_SIGMA, WAY_LEAST, TURN_SIGMA, TURN_LEAST = 0.05, 0.002, 0.03, 0.001
 """σ of the odometry's step: a share of the way, at least m; rad/√(rad + m), at least
 rad."""
 
-LITTLE, HOLD = 0.1, 1e3
+LITTLE, HOLD_FACTOR = 0.1, 1e3
 """Share of the matches' information below which a direction keeps the odometry's step,
 and the factor of the prior by which it is kept."""
 
 BODY = 0.45
 """m; echoes nearer to a track are not matched."""
 
-SMALL = 1e-4
+SMALL_SHIFT = 1e-4
 """m, rad; a smaller correction ends the iteration."""
 
 SYSTEM = 9
@@ -66,8 +66,8 @@ def drop_bodies(scan: Array, tracks: Array, count: int) -> None:
         one = scan[k]
         for a in range(count):
             t = tracks[a]
-            if math.hypot(one[ECHO_X] - t[X], one[ECHO_Y] - t[Y]) < BODY:
-                one[NORMAL_X], one[NORMAL_Y] = 0.0, 0.0
+            if math.hypot(one[ECHO_X] - t[TRACK_X], one[ECHO_Y] - t[TRACK_Y]) < BODY:
+                one[SURFACE_X], one[SURFACE_Y] = 0.0, 0.0
 
 
 @compiled_once
@@ -106,7 +106,7 @@ def match(
     used, stride = 0, 1 + scan.shape[0] // MOST_MATCHED
     for place in range(scan.shape[0] // stride):
         one = scan[place * stride]
-        n_x, n_y, x, y = one[NORMAL_X], one[NORMAL_Y], one[ECHO_X], one[ECHO_Y]
+        n_x, n_y, x, y = one[SURFACE_X], one[SURFACE_Y], one[ECHO_X], one[ECHO_Y]
         if not one[RANGE] < math.inf or (n_x == 0.0 and n_y == 0.0):
             continue
         row = nearest_point(cells, x, y, centre, reach)
@@ -149,8 +149,8 @@ def solve_step(
     mean, half = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
     angle = 0.5 * math.atan2(2.0 * xy, xx - yy)
     c, s = math.cos(angle), math.sin(angle)
-    most = HOLD * prior if mean + half < LITTLE * used else 0.0
-    least = HOLD * prior if mean - half < LITTLE * used else 0.0
+    most = HOLD_FACTOR * prior if mean + half < LITTLE * used else 0.0
+    least = HOLD_FACTOR * prior if mean - half < LITTLE * used else 0.0
     xx += prior + most * c * c + least * s * s
     xy += (most - least) * c * s
     yy += prior + most * s * s + least * c * c
@@ -175,7 +175,7 @@ def move_scan(scan: Array, robot: Pose, shift: Pose) -> None:
             x, y = one[place] - robot[0], one[place + 1] - robot[1]
             one[place] = robot[0] + shift[0] + cos * x - sin * y
             one[place + 1] = robot[1] + shift[1] + sin * x + cos * y
-        for along in (COS, NORMAL_X):
+        for along in (COS, SURFACE_X):
             x, y = one[along], one[along + 1]
             one[along], one[along + 1] = cos * x - sin * y, sin * x + cos * y
 
@@ -200,7 +200,7 @@ def align(
         system: (SYSTEM,) workspace.
     """
     shift = (0.0, 0.0, 0.0)
-    for k in range(ROUNDS):
+    for k in range(ALIGN_ROUNDS):
         reach = FIRST_REACH if k < 2 else REACH
         used = match(scan, cells, centre, robot, reach, system)
         if used < LEAST_MATCHED:
@@ -209,6 +209,6 @@ def align(
         move_scan(scan, robot, more)
         robot = (robot[0] + more[0], robot[1] + more[1], robot[2] + more[2])
         shift = (shift[0] + more[0], shift[1] + more[1], shift[2] + more[2])
-        if abs(more[0]) + abs(more[1]) + abs(more[2]) < SMALL:
+        if abs(more[0]) + abs(more[1]) + abs(more[2]) < SMALL_SHIFT:
             break
     return shift

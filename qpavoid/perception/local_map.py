@@ -45,7 +45,7 @@ HIT_GAIN, REVOKED, MOST_SCORE = 3.0, 4.0, 6.0
 MOST_LIVES = 3
 """Sights through a point that it survives outside of ever-free space."""
 
-FOLLOW, FOLLOW_TIME = 0.05, 20.0
+POINT_GAIN, POINT_TIME = 0.05, 20.0
 """Share by which a point follows a new hit, since a map that follows the scans cannot
 correct them; after so many s without a hit it is replaced."""
 
@@ -129,10 +129,10 @@ def is_ever_free(cells: Array, x: float, y: float, centre: Cell, border: int) ->
 @compiled
 def hit(cell: Array, x: float, y: float, loose: bool, now: Moment) -> None:
     """Enter the echo of a static obstacle, ``loose`` in ever-free space."""
-    recent = now.time - cell[HIT_TIME] < FOLLOW_TIME
+    recent = now.time - cell[HIT_TIME] < POINT_TIME
     if cell[LIVES] > 0.0 and cell[LOOSE] == 0.0 and recent:
-        cell[POINT_X] += FOLLOW * (x - cell[POINT_X])
-        cell[POINT_Y] += FOLLOW * (y - cell[POINT_Y])
+        cell[POINT_X] += POINT_GAIN * (x - cell[POINT_X])
+        cell[POINT_Y] += POINT_GAIN * (y - cell[POINT_Y])
     else:
         cell[POINT_X], cell[POINT_Y] = x, y
     cell[HIT_TIME], cell[HIT_WAY], cell[LIVES] = now.time, now.way, MOST_LIVES
@@ -142,6 +142,12 @@ def hit(cell: Array, x: float, y: float, loose: bool, now: Moment) -> None:
         cell[SCORE] = min(cell[SCORE] + HIT_GAIN * now.dt, MOST_SCORE)
         if cell[SCORE] >= REVOKED:
             cell[EVER_FREE] = 0.0
+
+
+@compiled
+def was_hit(cell: Array, time: float, number: float) -> bool:
+    """Return whether a cell was hit in the scan of a time (s) and number."""
+    return bool(cell[HIT_TIME] >= time and cell[LAST_SCAN] == number)
 
 
 @compiled

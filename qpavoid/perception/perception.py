@@ -25,7 +25,13 @@ from qpavoid.perception.local_map import (
     POINT_Y,
     SIDE,
 )
-from qpavoid.perception.scan import FREE, RANGE, SCAN_WIDTH, UNKNOWN, Sensor
+from qpavoid.perception.scan import (
+    NO_ECHO_FREE,
+    NO_ECHO_UNKNOWN,
+    RANGE,
+    SCAN_WIDTH,
+    Sensor,
+)
 from qpavoid.perception.segments import MOST_SEGMENTS, SEGMENT_WIDTH
 from qpavoid.perception.settings import Lidar, PerceptionSettings
 from qpavoid.perception.tracks import (
@@ -34,11 +40,11 @@ from qpavoid.perception.tracks import (
     MOST_TRACKS,
     NAME,
     P_VV,
+    TRACK_V_X,
+    TRACK_V_Y,
     TRACK_WIDTH,
-    V_X,
-    V_Y,
-    X,
-    Y,
+    TRACK_X,
+    TRACK_Y,
 )
 from qpavoid.perception.update import (
     MIDDLE_I,
@@ -61,17 +67,20 @@ MOST_BEAMS = 100_000
 NEAREST = 1e7
 """m; coordinates of the odometry are smaller: cells are counted exactly."""
 
+LATEST = 1e10
+"""s; stamps are smaller: their differences count to a microsecond."""
+
 LATE = 0.1
 """s by which a scan of another sensor may be older than the last one."""
 
-JUMP, FASTEST = 0.5, 5.0
+POSE_JUMP, FASTEST_POSE = 0.5, 5.0
 """m, and m/s, that odometry does not exceed from scan to scan; else it has jumped, and
 the map is begun anew."""
 
-LONGEST = 1.0
+LONGEST_STEP = 1.0
 """s; from poses farther apart no twist is taken."""
 
-MEANING = {"auto": 0.0, "free": FREE, "unknown": UNKNOWN}
+MEANING = {"auto": 0.0, "free": NO_ECHO_FREE, "unknown": NO_ECHO_UNKNOWN}
 
 
 class Track(NamedTuple):
@@ -95,7 +104,7 @@ class Track(NamedTuple):
 
 
 class Explanation(NamedTuple):
-    """What perception knows, for display; odometry frame as corrected.
+    """Map and tracks, for display; odometry frame as corrected.
 
     Attributes:
         pose: Of the robot at the last scan.
@@ -139,6 +148,13 @@ class _Device:
         )
         self.rows, self.counts = np.zeros((beams, SCAN_WIDTH)), np.zeros(2)
 
+    def scan(self, time: float, pose: Pose, twist: Twist, length: float) -> Scan:
+        """Return the scan in the rows, whose middle is at a time and pose."""
+        x, y, _ = arc(*pose, *twist, length)
+        motion = (x - pose[0], y - pose[1], twist[1] * length)
+        known = self.rows, self.beams, self.sensor, self.counts
+        return Scan(*known, time, pose, motion)
+
 
 class Perception:
     """Static and moving obstacles from scans and odometry, bounded in time and memory.
@@ -167,8 +183,11 @@ class Perception:
         self.lidars = {"": lidar} if isinstance(lidar, Lidar) else dict(lidar)
         self.settings = settings if settings is not None else PerceptionSettings()
         known = all(isinstance(one, Lidar) for one in self.lidars.values())
-        want(bool(self.lidars) and known, "perception wants a Lidar, or some by name")
-        want(isinstance(self.settings, PerceptionSettings), "PerceptionSettings wanted")
+        want(bool(self.lidars) and known, "perception needs a Lidar, or some by name")
+        want(
+            isinstance(self.settings, PerceptionSettings),
+            "settings must be PerceptionSettings",
+        )
         edges = robot.footprint.edges
         inner = float((edges[:, :2] * edges[:, 2:4]).sum(axis=1).min())
         s = self.settings
@@ -223,39 +242,22 @@ class Perception:
         """
         time, pose = as_number(stamp, "stamp"), as_pose(odometry, "odometry")
         want(max(map(abs, pose[:2])) < NEAREST, f"odometry is beyond {NEAREST:g} m")
-        want(abs(time) < NEAREST * 1e3, "a stamp is a number of seconds")
+        want(abs(time) < LATEST, "a stamp is a number of seconds")
         lidar = self._lidar(sensor)
         seen = self._ranges(lidar, ranges, points)
-        device = self._devices.get(sensor)
-        if device is None:
-            device = _Device(lidar, len(seen))
-        want(
-            len(seen) == len(device.rows),
-            f"{len(seen)} ranges, but {len(device.rows)} before",
-        )
+        device = self._devices.get(sensor) or _Device(lidar, len(seen))
+        known = len(device.rows)
+        want(len(seen) == known, f"{len(seen)} ranges, but {known} before")
         velocity = self._twist(time, pose, twist)
-        last = self._stamps.get(sensor)
-        if last is not None and time == last:
+        if time == self._stamps.get(sensor):
             return self.obstacles(time, pose)
         middle = time - lidar.delay + 0.5 * abs(lidar.sweep)
         middle = self._in_order(middle, sensor)
         if self._has_jumped(time, pose):
             self.reset()
-        self._devices[sensor] = device
-        device.rows[:, RANGE] = seen
-        v, omega = velocity
-        begin = arc(*pose, v, omega, middle - time)
-        end = arc(*begin, v, omega, abs(lidar.sweep))
-        motion = (end[0] - begin[0], end[1] - begin[1], omega * abs(lidar.sweep))
-        self._scan = Scan(
-            device.rows,
-            device.beams,
-            device.sensor,
-            device.counts,
-            middle,
-            begin,
-            motion,
-        )
+        begin = arc(*pose, *velocity, middle - time)
+        self._devices[sensor], device.rows[:, RANGE] = device, seen
+        self._scan = device.scan(middle, begin, velocity, abs(lidar.sweep))
         perceive(self._memory, self._scan, self._model)
         self._last, self._stamps[sensor] = (time, pose), time
         return self.obstacles(time, pose)
@@ -270,7 +272,7 @@ class Perception:
     def _ranges(self, lidar: Lidar, ranges: Any, points: Any) -> Array:
         """Return ranges with NaN for all that is unknown."""
         want(
-            (ranges is None) != (points is None), "update wants ranges, or else points"
+            (ranges is None) != (points is None), "update needs ranges, or else points"
         )
         if ranges is None:
             return virtual_ranges(lidar, points)
@@ -286,7 +288,7 @@ class Perception:
         """Return the robot's twist: the given one, or that between two poses."""
         if twist is not None:
             return as_number(twist[0], "v"), as_number(twist[1], "omega")
-        if self._last is None or not 0.0 < time - self._last[0] <= LONGEST:
+        if self._last is None or not 0.0 < time - self._last[0] <= LONGEST_STEP:
             return 0.0, 0.0
         dt, (x, y, heading) = time - self._last[0], self._last[1]
         turn = wrap_angle(pose[2] - heading)
@@ -310,7 +312,7 @@ class Perception:
         if self._last is None:
             return False
         way = math.dist(pose[:2], self._last[1][:2])
-        return way > JUMP + FASTEST * (time - self._last[0])
+        return way > POSE_JUMP + FASTEST_POSE * (time - self._last[0])
 
     def obstacles(self, time: float, odometry: npt.ArrayLike) -> Obstacles:
         """Return the obstacles at a time, robot frame; before the first scan none.
@@ -346,8 +348,8 @@ class Perception:
         tracks = tuple(
             Track(
                 int(t[NAME]),
-                (float(t[X]), float(t[Y])),
-                (float(t[V_X]), float(t[V_Y])),
+                (float(t[TRACK_X]), float(t[TRACK_Y])),
+                (float(t[TRACK_V_X]), float(t[TRACK_V_Y])),
                 math.sqrt(t[P_VV]),
                 max(float(t[COVER]), self.settings.radius),
                 bool(t[CONFIRMED]),

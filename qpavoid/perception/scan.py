@@ -21,12 +21,12 @@ from qpavoid.types import Array, Pose
     ECHO_Y,
     AFTER,  # s from the time of the scan to that of the beam
     OPEN,  # 1: the echo is in ever-free space
-    BESIDE,  # row of the confirmed track that it is near; −1: none
-    GROUP,  # number of its segment; −1: none
+    BEAM_TRACK,  # row of the confirmed track that it is near; −1: none
+    BEAM_SEGMENT,  # number of its segment; −1: none
     CLAIMED,  # 1: the echo belongs to a confirmed track
-    ORDER,  # of row k: the beam of the k-th echo
-    NORMAL_X,  # of the surface; 0, 0: unknown
-    NORMAL_Y,
+    ECHO_BEAM,  # of row k: the beam of the k-th echo
+    SURFACE_X,  # of the surface; 0, 0: unknown
+    SURFACE_Y,
 ) = range(15)
 SCAN_WIDTH = 15
 
@@ -45,10 +45,10 @@ LEAST_CHORD, CHORD_GAP = 0.05, 0.5
 MOST_BORDER = 3
 """Cells; the most by which the tolerance of ever-free space grows with the range."""
 
-FREE, UNKNOWN = 1.0, 2.0
+NO_ECHO_FREE, NO_ECHO_UNKNOWN = 1.0, 2.0
 """Meaning of a beam without an echo; 0: it is found out."""
 
-ALIKE, LEAST_TRIPLES, LOST, TRIPLES_KEPT = 0.3, 300.0, 0.01, 0.998
+TRIPLE_ALIKE, LEAST_TRIPLES, LOST, TRIPLES_KEPT = 0.3, 300.0, 0.01, 0.998
 """m by which two neighbours of a lost echo differ at most; number of such triples from
 which their share of lost echoes counts; the share from which no echo is unknown; share
 of the counts that is kept from scan to scan."""
@@ -63,7 +63,7 @@ class Sensor(NamedTuple):
         range_max: m; a beam without an echo is free to there.
         round: 1: the last beam is beside the first.
         angle_error: rad; σ of a beam's direction in the map.
-        no_echo: :data:`FREE`, :data:`UNKNOWN`, or 0.
+        no_echo: :data:`NO_ECHO_FREE`, :data:`NO_ECHO_UNKNOWN`, or 0.
     """
 
     mount: Pose
@@ -85,11 +85,11 @@ def judge_no_echo(scan: Array, sensor: Sensor, counts: Array) -> None:
     counts[0], counts[1] = TRIPLES_KEPT * counts[0], TRIPLES_KEPT * counts[1]
     for k in range(1, n - 1):
         left, right = scan[k - 1, RANGE], scan[k + 1, RANGE]
-        if left < math.inf and right < math.inf and abs(left - right) < ALIKE:
+        if left < math.inf and right < math.inf and abs(left - right) < TRIPLE_ALIKE:
             counts[0] += 1.0
             counts[1] += 1.0 if scan[k, RANGE] == math.inf else 0.0
     trusted = counts[0] >= LEAST_TRIPLES and counts[1] <= LOST * counts[0]
-    if sensor.no_echo == FREE or (sensor.no_echo == 0.0 and trusted):
+    if sensor.no_echo == NO_ECHO_FREE or (sensor.no_echo == 0.0 and trusted):
         return
     for k in range(n):
         if scan[k, RANGE] == math.inf:
@@ -120,12 +120,17 @@ def place_echoes(
         cos, sin = math.cos(heading + turned), math.sin(heading + turned)
         one[COS] = cos * beams[k, BEAM_COS] - sin * beams[k, BEAM_SIN]
         one[SIN] = sin * beams[k, BEAM_COS] + cos * beams[k, BEAM_SIN]
-        one[CLAIMED], one[GROUP], one[OPEN], one[BESIDE] = 0.0, -1.0, 0.0, -1.0
+        one[CLAIMED], one[BEAM_SEGMENT], one[OPEN], one[BEAM_TRACK] = (
+            0.0,
+            -1.0,
+            0.0,
+            -1.0,
+        )
         one[AFTER] = beams[k, BEAM_AFTER]
         if one[RANGE] < math.inf:
             one[ECHO_X] = one[FROM_X] + one[RANGE] * one[COS]
             one[ECHO_Y] = one[FROM_Y] + one[RANGE] * one[SIN]
-            scan[count, ORDER] = k
+            scan[count, ECHO_BEAM] = k
             count += 1
     return count
 
@@ -136,7 +141,7 @@ def mark_open(
 ) -> None:
     """Mark the echoes in ever-free space; the tolerance grows with the range."""
     for k in range(echoes):
-        one = scan[int(scan[k, ORDER])]
+        one = scan[int(scan[k, ECHO_BEAM])]
         border = 1 + int(min(one[RANGE] * angle_error / CELL, MOST_BORDER))
         is_open = is_ever_free(cells, one[ECHO_X], one[ECHO_Y], centre, border)
         one[OPEN] = 1.0 if is_open else 0.0
@@ -148,7 +153,7 @@ def find_normals(scan: Array, sensor: Sensor) -> None:
     n = scan.shape[0]
     for k in range(n):
         one = scan[k]
-        one[NORMAL_X], one[NORMAL_Y] = 0.0, 0.0
+        one[SURFACE_X], one[SURFACE_Y] = 0.0, 0.0
         if not one[RANGE] < math.inf:
             continue
         space = max(one[RANGE] * sensor.step, 1e-3)
@@ -165,7 +170,7 @@ def find_normals(scan: Array, sensor: Sensor) -> None:
         n_x, n_y = -d_y / size, d_x / size
         off = n_x * (one[ECHO_X] - a[ECHO_X]) + n_y * (one[ECHO_Y] - a[ECHO_Y])
         if abs(off) < FLAT:
-            one[NORMAL_X], one[NORMAL_Y] = n_x, n_y
+            one[SURFACE_X], one[SURFACE_Y] = n_x, n_y
 
 
 @compiled

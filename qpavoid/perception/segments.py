@@ -11,60 +11,60 @@ from typing import NamedTuple
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.perception.scan import (
     AFTER,
-    BESIDE,
+    BEAM_SEGMENT,
+    BEAM_TRACK,
+    ECHO_BEAM,
     ECHO_X,
     ECHO_Y,
     FROM_X,
     FROM_Y,
-    GROUP,
     OPEN,
-    ORDER,
     RANGE,
     Sensor,
 )
 from qpavoid.types import Array
 
 (
-    COUNT,  # echoes
-    SHARE,  # of them in ever-free space
+    ECHO_COUNT,  # echoes
+    OPEN_SHARE,  # of them in ever-free space
     MIDDLE_X,  # mean of the echoes, m
     MIDDLE_Y,
     AWAY_X,  # unit vector from the sensor to the mean
     AWAY_Y,
     RIGHTMOST,  # extent across the view from the mean, m
     LEFTMOST,
-    WIDTH,  # m, the greater extent of across and along the view
+    SEGMENT_EXTENT,  # m, the greater extent of across and along the view
     HIDDEN,  # 1: its first side is hidden by something nearer; 2: its last; 3: both
     SPACE,  # m between neighbouring beams
     LATER,  # s from the time of the scan until it was measured
     CENTRE_X,  # centre of its body, m
     CENTRE_Y,
     SIGMA,  # σ of the centre, m
-    TAKEN,  # row of its track; −1: none
+    SEGMENT_TRACK,  # row of its track; −1: none
 ) = range(16)
 SEGMENT_WIDTH = 16
 
 MOST_SEGMENTS = 128
 """More are not looked for; their echoes stay points."""
 
-GAP = 0.12
+SEGMENT_GAP = 0.12
 """m; breakpoint between neighbouring echoes, to which r Δα is added."""
 
-WIDE, APART = 0.8, 0.6
+WIDE_SEGMENT, APART = 0.8, 0.6
 """m; a wider segment is cut into pieces of about this width: people side by side, or a
 larger body, which is then several discs."""
 
 LEAST_SINGLE = 0.04
 """m; a single echo is a segment where neighbouring beams are farther apart."""
 
-BEHIND, LONE = 0.2, 0.4
+BACKGROUND, LONE = 0.2, 0.4
 """m; a segment stands before its background where the next echoes on both sides are so
 much behind, or so far away with no echo in between."""
 
 SLIM, STOUT = 0.1, 0.75
 """m; widths between which such a segment may be a body."""
 
-HIDES, NEIGHBOURS = 0.1, 3
+HIDES, HIDING_BEAMS = 0.1, 3
 """m by which an echo, and beams from it, hides a part of what is behind it."""
 
 
@@ -85,15 +85,17 @@ class View(NamedTuple):
 @compiled
 def beam_at(view: View, place: int) -> int:
     """Return the beam of the echo at a place in the order, which goes round."""
-    return int(view.scan[place % view.echoes, ORDER])
+    return int(view.scan[place % view.echoes, ECHO_BEAM])
 
 
 @compiled
 def is_break(view: View, before: int, after: int) -> bool:
     """Return whether the echoes at two places belong to two segments."""
     a, b = view.scan[beam_at(view, before)], view.scan[beam_at(view, after)]
-    gap = GAP + max(a[RANGE], b[RANGE]) * view.sensor.step
-    two = a[BESIDE] >= 0.0 and b[BESIDE] >= 0.0 and a[BESIDE] != b[BESIDE]
+    gap = SEGMENT_GAP + max(a[RANGE], b[RANGE]) * view.sensor.step
+    two = (
+        a[BEAM_TRACK] >= 0.0 and b[BEAM_TRACK] >= 0.0 and a[BEAM_TRACK] != b[BEAM_TRACK]
+    )
     apart = math.hypot(b[ECHO_X] - a[ECHO_X], b[ECHO_Y] - a[ECHO_Y])
     return bool(two or apart > gap)
 
@@ -121,7 +123,7 @@ def add_bodies(view: View, segments: Array, found: int, first: int, last: int) -
     if found >= MOST_SEGMENTS:
         return found
     set_segment(view, segments[found], first, last, False)
-    share, width = segments[found, SHARE], segments[found, WIDTH]
+    share, width = segments[found, OPEN_SHARE], segments[found, SEGMENT_EXTENT]
     slim = last - first >= 2 and SLIM < width < STOUT
     if slim and share < 1.0 and stands_before(view, first, last):
         number_echoes(view, found, first, last, False)
@@ -143,12 +145,12 @@ def add_run(view: View, segments: Array, found: int, first: int, last: int) -> i
         return found
     one = segments[found]
     set_segment(view, one, first, last, True)
-    if one[COUNT] < 2.0 and one[SPACE] < LEAST_SINGLE:
+    if one[ECHO_COUNT] < 2.0 and one[SPACE] < LEAST_SINGLE:
         return found
-    if one[WIDTH] <= WIDE:
+    if one[SEGMENT_EXTENT] <= WIDE_SEGMENT:
         number_echoes(view, found, first, last, True)
         return found + 1
-    pieces = max(int(one[WIDTH] / APART + 0.5), 1)
+    pieces = max(int(one[SEGMENT_EXTENT] / APART + 0.5), 1)
     a, b = view.scan[beam_at(view, first)], view.scan[beam_at(view, last)]
     x, y = a[ECHO_X], a[ECHO_Y]
     d_x, d_y = b[ECHO_X] - x, b[ECHO_Y] - y
@@ -173,7 +175,7 @@ def number_echoes(
     for place in range(first, last + 1):
         one = view.scan[beam_at(view, place)]
         if one[OPEN] > 0.0 or not only_open:
-            one[GROUP] = group
+            one[BEAM_SEGMENT] = group
 
 
 @compiled_once
@@ -202,21 +204,25 @@ def set_segment(
             across, along = d_y * u_x - d_x * u_y, d_x * u_x + d_y * u_y
             right, left = min(right, across), max(left, across)
             near, deep = min(near, along), max(deep, along)
-    s[COUNT], s[SHARE] = count, 1.0 if only_open else opened / share
+    s[ECHO_COUNT], s[OPEN_SHARE] = count, 1.0 if only_open else opened / share
     s[MIDDLE_X], s[MIDDLE_Y], s[AWAY_X], s[AWAY_Y] = x, y, u_x, u_y
-    s[RIGHTMOST], s[LEFTMOST], s[WIDTH] = right, left, max(left - right, deep - near)
+    s[RIGHTMOST], s[LEFTMOST], s[SEGMENT_EXTENT] = (
+        right,
+        left,
+        max(left - right, deep - near),
+    )
     s[HIDDEN] = is_hidden(view, first, -1) + 2.0 * is_hidden(view, last, 1)
-    s[SPACE], s[LATER], s[TAKEN] = far * view.sensor.step, later, -1.0
+    s[SPACE], s[LATER], s[SEGMENT_TRACK] = far * view.sensor.step, later, -1.0
 
 
 @compiled
 def is_hidden(view: View, place: int, side: int) -> float:
     """Return 1 where the view ends at a place, or the next echo there is nearer."""
     here, beam = beam_at(view, place), beam_at(view, place + side)
-    end = here + side * NEIGHBOURS
+    end = here + side * HIDING_BEAMS
     if view.sensor.round == 0.0 and not 0 <= end < view.scan.shape[0]:
         return 1.0
-    close = abs(beam - here) <= NEIGHBOURS
+    close = abs(beam - here) <= HIDING_BEAMS
     nearer = view.scan[beam, RANGE] < view.scan[here, RANGE] - HIDES
     return 1.0 if close and nearer else 0.0
 
@@ -232,6 +238,6 @@ def stands_before(view: View, first: int, last: int) -> bool:
         one, other = view.scan[here], view.scan[beam]
         apart = math.hypot(other[ECHO_X] - one[ECHO_X], other[ECHO_Y] - one[ECHO_Y])
         lone = abs(beam - here) > 1 and apart > LONE and other[RANGE] >= one[RANGE]
-        if not (lone or other[RANGE] >= one[RANGE] + BEHIND):
+        if not (lone or other[RANGE] >= one[RANGE] + BACKGROUND):
             return False
     return True

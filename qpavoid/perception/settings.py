@@ -47,13 +47,13 @@ class Lidar:
     angle_error: Annotated[float, "rad", STEEP] = 0.02
 
     def __post_init__(self) -> None:
-        check(self, "a LiDAR wants")
-        want(self.range_min < self.range_max, "a LiDAR wants range_min < range_max")
+        check(self, "a LiDAR needs")
+        want(self.range_min < self.range_max, "a LiDAR needs range_min < range_max")
 
 
 @dataclass(frozen=True)
 class PerceptionSettings:
-    """What is known about bodies, and how long obstacles out of view are kept.
+    """Model of moving bodies, and the memory of obstacles out of view.
 
     Attributes:
         radius: Of a person, m; narrower bodies are found as well, wider ones become
@@ -72,4 +72,4 @@ class PerceptionSettings:
     memory_way: Annotated[float, "m", NOT_NEGATIVE] = 8.0
 
     def __post_init__(self) -> None:
-        check(self, "perception wants")
+        check(self, "perception needs")

@@ -19,12 +19,12 @@ from qpavoid.perception.local_map import (
     row_of,
 )
 from qpavoid.perception.scan import (
-    BESIDE,
+    BEAM_SEGMENT,
+    BEAM_TRACK,
     CLAIMED,
+    ECHO_BEAM,
     ECHO_X,
     ECHO_Y,
-    GROUP,
-    ORDER,
     sees_through,
 )
 from qpavoid.perception.segments import (
@@ -32,38 +32,38 @@ from qpavoid.perception.segments import (
     AWAY_Y,
     CENTRE_X,
     CENTRE_Y,
-    COUNT,
+    ECHO_COUNT,
     HIDDEN,
     LATER,
     LEFTMOST,
     MIDDLE_X,
     MIDDLE_Y,
+    OPEN_SHARE,
     RIGHTMOST,
-    SHARE,
+    SEGMENT_EXTENT,
+    SEGMENT_TRACK,
     SIGMA,
     SPACE,
-    TAKEN,
-    WIDTH,
     View,
 )
 from qpavoid.types import Array
 
 (
-    X,  # centre of the body, m
-    Y,
-    V_X,  # its velocity, m/s
-    V_Y,
+    TRACK_X,  # centre of the body, m
+    TRACK_Y,
+    TRACK_V_X,  # its velocity, m/s
+    TRACK_V_Y,
     P_PP,  # covariance: m², m²/s, m²/s²
     P_PV,
     P_VV,
-    SEEN,  # s, last scan in which it was seen
+    LAST_SEEN,  # s, last scan in which it was seen
     BORN_X,  # where it began, m
     BORN_Y,
     SIGHTS,  # scans in which it was seen
     FAST,  # scans in a row in which its speed exceeded its uncertainty
     CONFIRMED,  # 1: it is a moving obstacle
     SIZE,  # m, greatest width, which decays
-    STILL,  # s, for how long it has been slower than SLOW
+    STILL_TIME,  # s, for how long it has been slower than SLOW_BODY
     PASSED,  # scans in a row that saw through it
     NAME,  # number of the track
     ECHOES,  # mean number of echoes
@@ -110,7 +110,7 @@ PAIR_APART = 0.4
 NEAR_TRACK, DOUBLE, CLAIM = 0.45, 0.25, 0.08
 """m; an echo is near a track; two tracks are one body; around it echoes are its own."""
 
-SLOW, TRAVEL, QUICK = 0.15, 0.25, 3.0
+SLOW_BODY, TRAVEL, QUICK = 0.15, 0.25, 3.0
 """m/s and m that confirm a track; half that way with so many fast scans in a row."""
 
 LEAST_SIGHTS, LEAST_SHARE, LEAST_ECHOES = 3.0, 0.3, 1.4
@@ -120,7 +120,7 @@ LEFT_TRAVEL, LEFT_QUICK, LEFT_SCORE = 0.5, 5.0, 0.5
 """m and fast scans in a row that confirm a body outside of ever-free space, and the
 score (s) of the place where it began, which has been seen through since then."""
 
-COAST, NEW_COAST, STANDS = 1.0, 0.35, 30.0
+COAST, NEW_COAST, MOST_STILL = 1.0, 0.35, 30.0
 """s for which an unseen track is kept, confirmed or new; s at rest after which a
 confirmed track becomes points."""
 
@@ -135,8 +135,8 @@ SIZE_TIME = 10.0
 def predict(track: Array, dt: float, acceleration: float) -> None:
     """Predict a track over dt (s) with white acceleration (m/s²)."""
     t, pushed = track, (acceleration * dt) ** 2
-    t[X] += dt * t[V_X]
-    t[Y] += dt * t[V_Y]
+    t[TRACK_X] += dt * t[TRACK_V_X]
+    t[TRACK_Y] += dt * t[TRACK_V_Y]
     t[P_PP] += dt * (2.0 * t[P_PV] + dt * (t[P_VV] + pushed / 3.0))
     t[P_PV] += dt * (t[P_VV] + 0.5 * pushed)
     t[P_VV] += pushed
@@ -149,11 +149,11 @@ def correct(track: Array, x: float, y: float, sigma: float) -> None:
     t, noise = track, sigma * sigma
     total = t[P_PP] + noise
     gain, gain_v = t[P_PP] / total, t[P_PV] / total
-    d_x, d_y = x - t[X], y - t[Y]
-    t[X] += gain * d_x
-    t[Y] += gain * d_y
-    t[V_X] += gain_v * d_x
-    t[V_Y] += gain_v * d_y
+    d_x, d_y = x - t[TRACK_X], y - t[TRACK_Y]
+    t[TRACK_X] += gain * d_x
+    t[TRACK_Y] += gain * d_y
+    t[TRACK_V_X] += gain_v * d_x
+    t[TRACK_V_Y] += gain_v * d_y
     t[P_VV] = max(t[P_VV] - gain_v * t[P_PV], 1e-6)
     t[P_PP], t[P_PV] = gain * noise, gain_v * noise
 
@@ -162,13 +162,13 @@ def correct(track: Array, x: float, y: float, sigma: float) -> None:
 def mark_beside(view: View, tracks: Array, count: int) -> None:
     """Write for each echo the confirmed track that it is nearest to, if it is near."""
     for k in range(view.echoes):
-        one = view.scan[int(view.scan[k, ORDER])]
+        one = view.scan[int(view.scan[k, ECHO_BEAM])]
         best = NEAR_TRACK
         for a in range(count):
             t = tracks[a]
-            apart = math.hypot(one[ECHO_X] - t[X], one[ECHO_Y] - t[Y])
+            apart = math.hypot(one[ECHO_X] - t[TRACK_X], one[ECHO_Y] - t[TRACK_Y])
             if t[CONFIRMED] > 0.0 and apart < best:
-                best, one[BESIDE] = apart, a
+                best, one[BEAM_TRACK] = apart, a
 
 
 @compiled_once
@@ -196,8 +196,8 @@ def find_centre(
     x = s[MIDDLE_X] + ARC * r * s[AWAY_X] - aside * s[AWAY_Y]
     y = s[MIDDLE_Y] + ARC * r * s[AWAY_Y] + aside * s[AWAY_X]
     s[CENTRE_X], s[CENTRE_Y], s[SIGMA] = x, y, BODY_SIGMA
-    if s[COUNT] >= FIT_COUNT and s[WIDTH] > THIN:
-        f_x, f_y = fit_circle(view, group, r, (x, y), FIT_WEIGHT * s[COUNT])
+    if s[ECHO_COUNT] >= FIT_COUNT and s[SEGMENT_EXTENT] > THIN:
+        f_x, f_y = fit_circle(view, group, r, (x, y), FIT_WEIGHT * s[ECHO_COUNT])
         if math.hypot(f_x - x, f_y - y) < FIT_SHIFT:
             s[CENTRE_X], s[CENTRE_Y] = f_x, f_y
 
@@ -212,8 +212,8 @@ def fit_circle(
         xx, xy, yy = weight, 0.0, weight
         b_x, b_y = weight * (x - guess[0]), weight * (y - guess[1])
         for k in range(view.echoes):
-            one = view.scan[int(view.scan[k, ORDER])]
-            if one[GROUP] == group:
+            one = view.scan[int(view.scan[k, ECHO_BEAM])]
+            if one[BEAM_SEGMENT] == group:
                 e_x, e_y = x - one[ECHO_X], y - one[ECHO_Y]
                 size = max(math.hypot(e_x, e_y), 1e-6)
                 j_x, j_y = e_x / size, e_y / size
@@ -229,7 +229,7 @@ def fit_circle(
 def apart_of(track: Array, segment: Array) -> float:
     """Return the distance of a segment's body from a track, m."""
     s, t = segment, track
-    return math.hypot(s[CENTRE_X] - t[X], s[CENTRE_Y] - t[Y])
+    return math.hypot(s[CENTRE_X] - t[TRACK_X], s[CENTRE_Y] - t[TRACK_Y])
 
 
 @compiled_once
@@ -247,13 +247,13 @@ def associate(
             for b in range(found if t[PARTS] == 0.0 else 0):
                 s = segments[b]
                 cost = apart_of(t, s) + (NEW_COST if new else 0.0)
-                cost += SHUT_COST if s[SHARE] < LEAST_SHARE else 0.0
-                if s[TAKEN] < 0.0 and cost < min(gate, best):
+                cost += SHUT_COST if s[OPEN_SHARE] < LEAST_SHARE else 0.0
+                if s[SEGMENT_TRACK] < 0.0 and cost < min(gate, best):
                     best, pick, to = cost, b, a
         if pick < 0:
             break
-        segments[pick, TAKEN], tracks[to, PARTS] = to, 1.0
-        tracks[to, NARROW] = 1.0 if segments[pick, WIDTH] < LEG_WIDTH else 0.0
+        segments[pick, SEGMENT_TRACK], tracks[to, PARTS] = to, 1.0
+        tracks[to, NARROW] = 1.0 if segments[pick, SEGMENT_EXTENT] < LEG_WIDTH else 0.0
     add_legs(tracks, count, segments, found)
 
 
@@ -262,14 +262,14 @@ def add_legs(tracks: Array, count: int, segments: Array, found: int) -> None:
     """Give a narrow segment that is left to the track of the other shin beside it."""
     for b in range(found):
         s = segments[b]
-        if s[TAKEN] >= 0.0 or s[WIDTH] >= LEG_WIDTH:
+        if s[SEGMENT_TRACK] >= 0.0 or s[SEGMENT_EXTENT] >= LEG_WIDTH:
             continue
         best, to = LEG_APART, -1
         for a in range(count):
             if apart_of(tracks[a], s) < best:
                 best, to = apart_of(tracks[a], s), a
         if to >= 0 and tracks[to, PARTS] > 0.0 and tracks[to, NARROW] > 0.0:
-            s[TAKEN] = to
+            s[SEGMENT_TRACK] = to
             tracks[to, PARTS] += 1.0
 
 
@@ -280,17 +280,17 @@ def measure(
     """Correct a track by its segments; return their echoes and greatest open share."""
     t, x, y, sigma, total, share = track, 0.0, 0.0, 0.0, 0.0, 0.0
     for b in range(found):
-        if segments[b, TAKEN] == row:
-            t[SIZE] = max(t[SIZE], segments[b, WIDTH])
+        if segments[b, SEGMENT_TRACK] == row:
+            t[SIZE] = max(t[SIZE], segments[b, SEGMENT_EXTENT])
     for b in range(found):
         s = segments[b]
-        if s[TAKEN] == row:
+        if s[SEGMENT_TRACK] == row:
             find_centre(view, s, b, t[SIZE] if t[PARTS] == 1.0 else 0.0, radius)
             # Brought to the time of the scan.
-            x += s[CENTRE_X] - t[V_X] * s[LATER]
-            y += s[CENTRE_Y] - t[V_Y] * s[LATER]
-            sigma, total = max(sigma, s[SIGMA]), total + s[COUNT]
-            share = max(share, s[SHARE])
+            x += s[CENTRE_X] - t[TRACK_V_X] * s[LATER]
+            y += s[CENTRE_Y] - t[TRACK_V_Y] * s[LATER]
+            sigma, total = max(sigma, s[SIGMA]), total + s[ECHO_COUNT]
+            share = max(share, s[OPEN_SHARE])
     sigma = PAIR_SIGMA if t[PARTS] > 1.0 else sigma
     correct(t, x / t[PARTS], y / t[PARTS], sigma)
     return total, share
@@ -303,23 +303,23 @@ def confirm(
     """Note that a track was seen; confirm it, or end it as a body at rest."""
     t = track
     t[SIGHTS] += 1.0
-    t[SEEN], t[PASSED] = now.time, 0.0
+    t[LAST_SEEN], t[PASSED] = now.time, 0.0
     t[ECHOES] += 0.3 * (echoes - t[ECHOES])
-    speed = math.hypot(t[V_X], t[V_Y])
-    t[FAST] = t[FAST] + 1.0 if speed > max(2.0 * math.sqrt(t[P_VV]), SLOW) else 0.0
-    moved = math.hypot(t[X] - t[BORN_X], t[Y] - t[BORN_Y])
+    speed = math.hypot(t[TRACK_V_X], t[TRACK_V_Y])
+    t[FAST] = t[FAST] + 1.0 if speed > max(2.0 * math.sqrt(t[P_VV]), SLOW_BODY) else 0.0
+    moved = math.hypot(t[TRACK_X] - t[BORN_X], t[TRACK_Y] - t[BORN_Y])
     known = t[SIGHTS] >= LEAST_SIGHTS and t[ECHOES] >= LEAST_ECHOES
     far = moved > TRAVEL or (t[FAST] >= QUICK and moved > 0.5 * TRAVEL)
     opened = share > LEAST_SHARE
     if not opened and moved > LEFT_TRAVEL and t[FAST] >= LEFT_QUICK:
         cell = cells[row_of(cell_of(t[BORN_X]), cell_of(t[BORN_Y]))]
         opened = cell[FREE_COUNT] >= 2.0 and cell[SCORE] < LEFT_SCORE
-    if known and opened and far and speed > SLOW:
+    if known and opened and far and speed > SLOW_BODY:
         t[CONFIRMED] = 1.0
-    t[STILL] = t[STILL] + now.dt if speed < SLOW else 0.0
-    if t[CONFIRMED] > 0.0 and t[STILL] > STANDS:
-        t[CONFIRMED], t[SIGHTS], t[FAST], t[STILL] = 0.0, 1.0, 0.0, 0.0
-        t[BORN_X], t[BORN_Y] = t[X], t[Y]
+    t[STILL_TIME] = t[STILL_TIME] + now.dt if speed < SLOW_BODY else 0.0
+    if t[CONFIRMED] > 0.0 and t[STILL_TIME] > MOST_STILL:
+        t[CONFIRMED], t[SIGHTS], t[FAST], t[STILL_TIME] = 0.0, 1.0, 0.0, 0.0
+        t[BORN_X], t[BORN_Y] = t[TRACK_X], t[TRACK_Y]
 
 
 @compiled_once
@@ -331,12 +331,16 @@ def claim(
         if tracks[a, PARTS] > 0.0:
             tracks[a, COVER] = radius
     for k in range(view.echoes):
-        one = view.scan[int(view.scan[k, ORDER])]
-        row = int(segments[int(one[GROUP]), TAKEN]) if one[GROUP] >= 0.0 else -1
+        one = view.scan[int(view.scan[k, ECHO_BEAM])]
+        row = (
+            int(segments[int(one[BEAM_SEGMENT]), SEGMENT_TRACK])
+            if one[BEAM_SEGMENT] >= 0.0
+            else -1
+        )
         if row >= 0 and tracks[row, CONFIRMED] > 0.0:
             t = tracks[row]
             one[CLAIMED] = 1.0
-            apart = math.hypot(one[ECHO_X] - t[X], one[ECHO_Y] - t[Y])
+            apart = math.hypot(one[ECHO_X] - t[TRACK_X], one[ECHO_Y] - t[TRACK_Y])
             t[COVER] = max(t[COVER], apart)
 
 
@@ -346,11 +350,13 @@ def claim_around(
 ) -> None:
     """Mark other echoes around confirmed tracks, but those of known obstacles."""
     for k in range(view.echoes):
-        one = view.scan[int(view.scan[k, ORDER])]
+        one = view.scan[int(view.scan[k, ECHO_BEAM])]
         for a in range(count if one[CLAIMED] == 0.0 else 0):
             t = tracks[a]
-            apart = math.hypot(one[ECHO_X] - t[X], one[ECHO_Y] - t[Y])
-            own = t[CONFIRMED] > 0.0 and t[SEEN] == time and apart < t[COVER] + CLAIM
+            apart = math.hypot(one[ECHO_X] - t[TRACK_X], one[ECHO_Y] - t[TRACK_Y])
+            own = (
+                t[CONFIRMED] > 0.0 and t[LAST_SEEN] == time and apart < t[COVER] + CLAIM
+            )
             if own and is_ever_free(cells, one[ECHO_X], one[ECHO_Y], centre, 0):
                 one[CLAIMED] = 1.0
                 t[COVER] = max(t[COVER], apart)
@@ -367,25 +373,25 @@ def begin_tracks(
     """
     for b in range(found):
         s = segments[b]
-        if s[TAKEN] >= 0.0 or count >= MOST_TRACKS:
+        if s[SEGMENT_TRACK] >= 0.0 or count >= MOST_TRACKS:
             continue
         t, x, y, other = tracks[count], s[CENTRE_X], s[CENTRE_Y], -1
-        best = PAIR_APART if s[WIDTH] < THIN else 0.0
+        best = PAIR_APART if s[SEGMENT_EXTENT] < THIN else 0.0
         for c in range(b + 1, found):
             o = segments[c]
             apart = math.hypot(o[CENTRE_X] - x, o[CENTRE_Y] - y)
-            if o[TAKEN] < 0.0 and o[WIDTH] < THIN and apart < best:
+            if o[SEGMENT_TRACK] < 0.0 and o[SEGMENT_EXTENT] < THIN and apart < best:
                 best, other = apart, c
-        s[TAKEN] = count
+        s[SEGMENT_TRACK] = count
         if other >= 0:
             o = segments[other]
-            o[TAKEN] = count
+            o[SEGMENT_TRACK] = count
             x, y = 0.5 * (x + o[CENTRE_X]), 0.5 * (y + o[CENTRE_Y])
         for k in range(TRACK_WIDTH):
             t[k] = 0.0
-        t[X], t[Y], t[BORN_X], t[BORN_Y] = x, y, x, y
-        t[P_PP], t[P_VV], t[SIZE] = s[SIGMA] ** 2, 1.0, s[WIDTH]
-        t[SEEN], t[SIGHTS], t[ECHOES], t[NAME] = time, 1.0, 1.0, -1.0
+        t[TRACK_X], t[TRACK_Y], t[BORN_X], t[BORN_Y] = x, y, x, y
+        t[P_PP], t[P_VV], t[SIZE] = s[SIGMA] ** 2, 1.0, s[SEGMENT_EXTENT]
+        t[LAST_SEEN], t[SIGHTS], t[ECHOES], t[NAME] = time, 1.0, 1.0, -1.0
         count += 1
     return count
 
@@ -405,7 +411,7 @@ def drop_doubles(tracks: Array, count: int) -> int:
         b = a + 1
         while b < count:
             t, o = tracks[a], tracks[b]
-            if math.hypot(t[X] - o[X], t[Y] - o[Y]) >= DOUBLE:
+            if math.hypot(t[TRACK_X] - o[TRACK_X], t[TRACK_Y] - o[TRACK_Y]) >= DOUBLE:
                 b += 1
                 continue
             if o[CONFIRMED] > t[CONFIRMED]:
@@ -423,11 +429,13 @@ def drop_lost(view: View, tracks: Array, count: int, time: float) -> int:
     for a in range(count):
         t = tracks[a]
         keep = True
-        if t[SEEN] < time:
-            passed = sees_through(view.scan, view.sensor, t[X], t[Y], PASSES)
+        if t[LAST_SEEN] < time:
+            passed = sees_through(
+                view.scan, view.sensor, t[TRACK_X], t[TRACK_Y], PASSES
+            )
             t[PASSED] += 1.0 if passed else 0.0
             coast = COAST if t[CONFIRMED] > 0.0 else NEW_COAST
-            keep = t[PASSED] < MOST_PASSED and time - t[SEEN] <= coast + 1e-6
+            keep = t[PASSED] < MOST_PASSED and time - t[LAST_SEEN] <= coast + 1e-6
         if keep:
             move_track(tracks, a, kept)
             kept += 1

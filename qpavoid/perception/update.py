@@ -34,17 +34,18 @@ from qpavoid.perception.local_map import (
     roll,
     row_of,
     trace,
+    was_hit,
 )
 from qpavoid.perception.scan import (
     BEAM_WIDTH,
     CLAIMED,
     COS,
+    ECHO_BEAM,
     ECHO_X,
     ECHO_Y,
     FROM_X,
     FROM_Y,
     OPEN,
-    ORDER,
     RANGE,
     SCAN_WIDTH,
     SIN,
@@ -57,8 +58,8 @@ from qpavoid.perception.scan import (
 )
 from qpavoid.perception.segments import (
     MOST_SEGMENTS,
+    SEGMENT_EXTENT,
     SEGMENT_WIDTH,
-    WIDTH,
     View,
     find_segments,
 )
@@ -68,11 +69,11 @@ from qpavoid.perception.tracks import (
     MOST_TRACKS,
     NAME,
     PARTS,
+    TRACK_V_X,
+    TRACK_V_Y,
     TRACK_WIDTH,
-    V_X,
-    V_Y,
-    X,
-    Y,
+    TRACK_X,
+    TRACK_Y,
     associate,
     begin_tracks,
     claim,
@@ -108,17 +109,17 @@ from qpavoid.types import (
     LAST_Y,
     LAST_TURN,
     TRACKS,  # number of tracks
-    NAMED,  # tracks named so far
+    NAMES,  # tracks named so far
 ) = range(13)
 STATE_WIDTH = 13
 
 FIRST_DT = 0.1
 """s; stands for the time before the first scan."""
 
-MARGIN = 0.2
+ECHO_MARGIN = 0.2
 """m before its echo that a beam does not free."""
 
-BEYOND = 0.15
+POINT_PASSED = 0.15
 """m by which a beam passes a point that it sees through."""
 
 LOOSE_TIME, OLD = 2.0, 20.0
@@ -127,7 +128,7 @@ a point is dropped in any case."""
 
 
 class Memory(NamedTuple):
-    """What is known from scan to scan, and workspace.
+    """State from scan to scan, and workspace.
 
     Attributes:
         state: (STATE_WIDTH,).
@@ -293,7 +294,7 @@ def track(memory: Memory, view: View, centre: Cell, now: Moment, model: Model) -
     mark_beside(view, tracks, count)
     found = find_segments(view, segments)
     for b in range(found):
-        find_centre(view, segments[b], b, segments[b, WIDTH], model.radius)
+        find_centre(view, segments[b], b, segments[b, SEGMENT_EXTENT], model.radius)
     associate(tracks, count, segments, found, now.dt)
     for a in range(count):
         if tracks[a, PARTS] > 0.0:
@@ -305,8 +306,8 @@ def track(memory: Memory, view: View, centre: Cell, now: Moment, model: Model) -
     count = begin_tracks(tracks, count, segments, found, now.time)
     for a in range(count):
         if tracks[a, NAME] < 0.0:
-            tracks[a, NAME] = state[NAMED]
-            state[NAMED] += 1.0
+            tracks[a, NAME] = state[NAMES]
+            state[NAMES] += 1.0
     state[TRACKS] = count
 
 
@@ -321,7 +322,7 @@ def enter_scan(
     rows, sensor = view.scan, view.sensor
     for claimed in range(2):
         for k in range(view.echoes):
-            one = rows[int(rows[k, ORDER])]
+            one = rows[int(rows[k, ECHO_BEAM])]
             i, j = cell_of(one[ECHO_X]), cell_of(one[ECHO_Y])
             if one[CLAIMED] != claimed or not holds(centre, i, j, 0):
                 continue
@@ -337,7 +338,7 @@ def enter_scan(
         left = k if ends and k == 0 else (k - 1) % n
         right = k if ends and k == n - 1 else (k + 1) % n
         free = min(free_length(rows[left], sensor), free_length(rows[right], sensor))
-        free = min(free, free_length(rows[k], sensor)) - MARGIN
+        free = min(free, free_length(rows[k], sensor)) - ECHO_MARGIN
         if free > 0.0:
             one = rows[k]
             beam = Beam(one[FROM_X], one[FROM_Y], one[COS], one[SIN], free)
@@ -355,14 +356,16 @@ def forget(view: View, cells: Array, now: Moment, model: Model) -> None:
     """Drop points out of view that are old, and those that the scan sees through."""
     for row in range(cells.shape[0]):
         cell = cells[row]
-        if cell[LIVES] <= 0.0 or cell[HIT_TIME] >= now.time:
+        if cell[LIVES] <= 0.0 or was_hit(cell, now.time, now.number):
             continue
         age, way = now.time - cell[HIT_TIME], now.way - cell[HIT_WAY]
         old = age > model.memory and way > model.memory_way
         loose = cell[LOOSE] > 0.0
         if old or age > OLD * model.memory or (loose and age > LOOSE_TIME):
             cell[LIVES] = 0.0
-        elif sees_through(view.scan, view.sensor, cell[POINT_X], cell[POINT_Y], BEYOND):
+        elif sees_through(
+            view.scan, view.sensor, cell[POINT_X], cell[POINT_Y], POINT_PASSED
+        ):
             at_once = loose or cell[EVER_FREE] > 0.0
             cell[LIVES] = 0.0 if at_once else cell[LIVES] - 1.0
 
@@ -415,7 +418,7 @@ def obstacles_at(
             count = add_point(points, count, robot, edges, one[ECHO_X], one[ECHO_Y])
     for row in range(cells.shape[0]):
         cell = cells[row]
-        if cell[LIVES] > 0.0 and cell[HIT_TIME] < state[TIME]:
+        if cell[LIVES] > 0.0 and not was_hit(cell, state[TIME], state[SCANS] - 1.0):
             known = count
             count = add_point(points, count, robot, edges, cell[POINT_X], cell[POINT_Y])
             if count == known:
@@ -427,11 +430,14 @@ def obstacles_at(
         if t[CONFIRMED] > 0.0:
             ahead = time - state[TIME]
             d_x, d_y = (
-                t[X] + ahead * t[V_X] - robot[0],
-                t[Y] + ahead * t[V_Y] - robot[1],
+                t[TRACK_X] + ahead * t[TRACK_V_X] - robot[0],
+                t[TRACK_Y] + ahead * t[TRACK_V_Y] - robot[1],
             )
             x, y = c * d_x + s * d_y, c * d_y - s * d_x
-            v_x, v_y = c * t[V_X] + s * t[V_Y], c * t[V_Y] - s * t[V_X]
+            v_x, v_y = (
+                c * t[TRACK_V_X] + s * t[TRACK_V_Y],
+                c * t[TRACK_V_Y] - s * t[TRACK_V_X],
+            )
             body = Rigid(t[COVER], v_x, v_y, 0.0, (x, y), count + discs)
             set_capsule(found.capsules, discs, Segment(x, y, x, y), body)
             discs += 1

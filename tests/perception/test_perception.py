@@ -217,6 +217,7 @@ def test_two_sensors_see_what_one_would():
             found = perception.update(seen, time, (0.0, 0.0, 0.0), sensor=name)
     assert len(found.discs) == 1
     assert np.hypot(*(found.discs[0, :2] - walk(5.9)[:2])) < 0.15  # each sees a half
+    assert min((found.points[:, 0] > 4.8).sum(), (found.points[:, 0] < -4.8).sum()) > 40
     with pytest.raises(InvalidInputError, match="no sensor 'left'"):
         perception.update(seen, 7.0, (0.0, 0.0, 0.0), sensor="left")
 

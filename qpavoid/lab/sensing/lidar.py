@@ -136,7 +136,7 @@ class Lidar:
 
     @property
     def geometry(self) -> perceived.Lidar:
-        """The same sensor for perception, where beams begin at the edge of the view."""
+        """Geometry of the sensor for perception, whose beams span the whole view."""
         s = self.settings
         step, round_ = s.field_of_view / s.beams, s.field_of_view > ALL_ROUND
         x, y, heading = s.mount

@@ -25,9 +25,9 @@ def scenario():
     return load_scenario("paper/test_case_1")
 
 
-@pytest.mark.parametrize(("tracks", "latency"), [(False, 0.1), (True, 0.0)])
-def test_a_laser_is_enough_to_go_round_a_disc(scenario, tracks, latency):
-    lidar = LidarSettings(latency=latency, dropout=0.05, tracks=tracks)
+@pytest.mark.parametrize(("perceived", "latency"), [(False, 0.1), (True, 0.0)])
+def test_a_laser_is_enough_to_go_round_a_disc(scenario, perceived, latency):
+    lidar = LidarSettings(latency=latency, dropout=0.05, perception=perceived)
     sensed = dataclasses.replace(scenario, lidar=lidar)
     log = run(sensed, "qp-ahead")
     assert metrics(log)["min_clearance_m"] > 0.1
@@ -38,13 +38,15 @@ def test_a_laser_is_enough_to_go_round_a_disc(scenario, tracks, latency):
     assert log["v_mps"][-1] == pytest.approx(0.0, abs=0.01)
 
 
-def test_a_wall_stays_there_where_discs_are_tracked(scenario):
-    lidar = LidarSettings(noise=0.0, tracks=True)
-    sensed = dataclasses.replace(scenario, lidar=lidar)
-    world = Obstacles(discs=[[-2.0, 0.0, 0.3]], walls=[[1.0, -3.0, 1.0, 3.0]])
-    seen = make_sensor(sensed)(0.0, world, (0.0, 0.0, 0.0))
-    assert len(seen.discs) == 1 and len(seen.points) > 50
-    np.testing.assert_allclose(seen.points[:, 0], 1.0, atol=1e-9)
+def test_a_person_moves_and_the_wall_behind_does_not(scenario):
+    see = make_sensor(dataclasses.replace(scenario, lidar=LidarSettings()))
+    walls = [(-4.0, -4.0, 4.0, -4.0), (-4.0, 4.0, 4.0, 4.0), (4.0, -4.0, 4.0, 4.0)]
+    for k in range(60):
+        disc = [[-2.0 + 0.07 * max(k - 20, 0), 2.0, 0.25]]
+        world = Obstacles(discs=disc, walls=walls)
+        seen = see(0.1 * k, world, (0.0, 0.0, 0.0))
+    assert len(seen.points) > 100
+    np.testing.assert_allclose(seen.disc_velocities, [[0.7, 0.0]], atol=0.1)
 
 
 def test_an_exact_plant_and_a_perfect_place_change_nothing(scenario):
@@ -89,7 +91,7 @@ def test_the_compiled_loop_leaves_it_to_run(scenario, change):
 SENSED = """
 [lidar]
 latency_s = 0.1
-tracks = true
+perception = false
 [localisation]
 kind = "uwb"
 sigma_m = 0.2
@@ -103,7 +105,7 @@ def test_the_file_says_it_all(tmp_path, scenario):
     path = tmp_path / "sensed.toml"
     path.write_text(base + SENSED)
     read = load_scenario(path)
-    assert read.lidar.latency == 0.1 and read.lidar.tracks
+    assert read.lidar.latency == 0.1 and not read.lidar.perception
     assert read.localisation == Uwb(sigma=0.2) and read.plant.lag == (0.1, 0.0)
     path.write_text(base + SENSED.replace("latency_s", "latency"))
     with pytest.raises(ConfigError, match=r"lidar\.latency: unknown key.*latency_s"):
