@@ -11,6 +11,7 @@ import argparse
 import csv
 import math
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from matplotlib.patches import Circle
 
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.guide.guide import Guide
+from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.model.contacts import clearance_of
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import integrate, to_world
@@ -36,6 +38,12 @@ ROBOT = Robot(
 SETTINGS = AvoidanceSettings(dt=0.05, radius=SafetyRadius(0.10, 0.15))
 BENCH = (-0.6, -0.75, 0.9, -0.75)
 """x1, y1, x2, y2 of its edge, m."""
+
+ROOM = ((-5, -4, 5, -4), (5, -4, 5, 4), (5, 4, -5, 4), (-5, 4, -5, -4))
+"""Its walls, for the LiDAR, m."""
+
+LIDAR = LidarSettings(range=12.0)
+"""360 beams at 10 Hz, σ 1 cm."""
 
 RADIUS, ASIDE, SIGHT, SECONDS = 0.25, 1.0, 6.0, 40.0
 """Of a person, m; greatest distance of a path from the station, m; range in which
@@ -92,7 +100,10 @@ def drive(people: Sequence[Person], guided: bool) -> tuple[list[Pose], list[bool
         for i, one in enumerate(people):
             disc = Obstacles(discs=[(*one.at(time), RADIUS)]).seen_from(poses[-1])
             touched[i] |= clearance_of(ROBOT.footprint, disc.arrays) < 0.0
-        world = seen(people, time).seen_from(poses[-1])
+        if scanner is None:
+            world = seen(people, time).seen_from(poses[-1])
+        else:
+            world = scanner.see(people, time, poses[-1])
         twist = guide.step(poses[-1], world)[:2] if guided else (0.0, 0.0)
         poses.append(integrate(poses[-1], twist, 0.0, SETTINGS.dt))
     return poses, touched
@@ -109,6 +120,8 @@ def row(seed: int) -> dict[str, float]:
         "people": len(people),
         "touched": sum(touched),
         "touched_at_rest": sum(drive(people, False)[1]),
+        "touched_by_points": sum(drive(people, True, Scanner(False, seed))[1]),
+        "touched_by_scans": sum(drive(people, True, Scanner(True, seed))[1]),
         "error_mm": round(1000.0 * math.hypot(x, y), 2),
         "turned_deg": round(turned, 3),
     }
@@ -116,12 +129,13 @@ def row(seed: int) -> dict[str, float]:
 
 def study(scenes: int, path: Path) -> None:
     """Write a row per scene, and print their sums."""
-    rows = [row(seed) for seed in range(scenes)]
+    with ProcessPoolExecutor(2) as pool:
+        rows = list(pool.map(row, range(scenes)))
     with path.open("w", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-    for name in ("people", "touched", "touched_at_rest"):
+    for name in list(rows[0])[1:6]:
         print(name, sum(one[name] for one in rows))
     print("greatest error", max(one["error_mm"] for one in rows), "mm")
 

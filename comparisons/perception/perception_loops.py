@@ -15,9 +15,9 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from perception_scenes import BODY, Mover, Scene, box_walls, gone_after, line
 
 import qpavoid as qp
+from perception_scenes import BODY, Mover, Scene, box_walls, gone_after, walk_line
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.model.contacts import clearance_of
 from qpavoid.model.kinematics import integrate
@@ -89,7 +89,7 @@ def walkers(seed: int, shape: object = "person") -> Task:
         x1, x2 = random.uniform(-4.5, 4.5, 2)
         begin, end = (x1, 4.6 * side), (x2, -4.6 * side)
         lasts = math.dist(begin, end) / speed
-        path = gone_after(line(begin, end, speed, start), start + lasts, -10.0)
+        path = gone_after(walk_line(begin, end, speed, start), start + lasts, -10.0)
         c, s = (
             (end[0] - begin[0]) / (lasts * speed),
             (end[1] - begin[1]) / (lasts * speed),
@@ -127,7 +127,7 @@ def corridor(seed: int) -> Task:
     y = random.uniform(-1.0, 1.0) * (half - BODY - 0.1)
     speed = random.uniform(0.5, 1.4)
     start = random.uniform(0.0, 3.0)
-    path = line((8.0, y), (-30.0, y), speed, start)
+    path = walk_line((8.0, y), (-30.0, y), speed, start)
     walls = [
         (-9, -half, 9, -half),
         (-9, half, 9, half),
@@ -159,7 +159,7 @@ def rooms(seed: int) -> Task:
         begin = (room * random.uniform(1.3, 3.2), random.uniform(-1.5, -1.2))
         end = (room * random.uniform(1.3, 3.2), random.uniform(1.2, 1.5))
         path, phase = (
-            line(begin, end, random.uniform(0.4, 1.1)),
+            walk_line(begin, end, random.uniform(0.4, 1.1)),
             random.uniform(0.0, 12.0),
         )
         movers.append(Mover(lambda t, path=path, phase=phase: path(t + phase)))

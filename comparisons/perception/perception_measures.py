@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+
 from perception_scenes import Recorded
 
 NEAR = 4.0
@@ -12,6 +13,9 @@ NEAR = 4.0
 
 PLACE, SPEED = 0.5, 0.35
 """m and m/s; a mover is known right where it is found so near."""
+
+SKIPPED = 1.5
+"""s at the start of a recording that are not counted."""
 
 FALSE = 0.2
 """m/s; a velocity above it with no mover near is false."""
@@ -30,22 +34,24 @@ class Measured:
     scans: int = 0
     false: int = 0
     false_near: int = 0
-    seconds: float = 0.0
     known: int = 0
     to_know: int = 0
     speed_errors: list[float] = field(default_factory=list)
     place_errors: list[float] = field(default_factory=list)
     waits: list[float] = field(default_factory=list)
-    where: list[tuple[float, ...]] = field(default_factory=list)
 
     def row(self) -> str:
         """Return the figures as text: shares, medians and 90 % quantiles."""
         share = 100.0 / max(self.scans, 1)
-        known = self.known / max(self.to_know, 1)
-        return (
-            f"false {share * self.false:.2f} % (within 5 m {share * self.false_near:.2f}), "
-            f"right {known:.3f} of {self.to_know}, velocity {halves(self.speed_errors)} "
-            f"m/s, place {halves(self.place_errors)} m, after {halves(self.waits)} s"
+        return ", ".join(
+            [
+                f"false {share * self.false:.2f} %",
+                f"within 5 m {share * self.false_near:.2f} %",
+                f"right {self.known / max(self.to_know, 1):.3f} of {self.to_know}",
+                f"velocity {halves(self.speed_errors)} m/s",
+                f"place {halves(self.place_errors)} m",
+                f"known after {halves(self.waits)} s",
+            ]
         )
 
 
@@ -66,81 +72,68 @@ def to_robot(pose: np.ndarray, states: np.ndarray) -> np.ndarray:
     return out
 
 
-def measure(
-    made: Recorded,
-    tracker: Tracker,
-    total: Measured | None = None,
-    skip: float = 1.5,
-    near: float = NEAR,
-) -> Measured:
+def measure(made: Recorded, tracker: Tracker) -> Measured:
     """Return what a tracker makes of recorded scans."""
-    m = total if total is not None else Measured()
-    first: dict[int, float] = {}
-    done: set[int] = set()
-    angles = made.lidar.field_of_view * (
-        (np.arange(made.lidar.beams) + 0.5) / made.lidar.beams - 0.5
-    )
+    total, first, done = Measured(), dict[int, float](), set[int]()
     past = np.searchsorted(made.stamps, made.stamps - 1.2)
-    for k, time in enumerate(made.stamps):
-        found = tracker(float(time), tuple(made.odometry[k]), made.ranges[k])
-        if time < skip:
+    for k, time in enumerate(made.stamps.tolist()):
+        found = tracker(time, tuple(made.odometry[k]), made.ranges[k])
+        if time < SKIPPED:
             continue
-        m.scans += 1
-        truth = to_robot(made.poses[k], made.truth[k])
-        r = made.ranges[k]
-        ok = np.isfinite(r)
-        x, y, g = made.lidar.mount
-        echoes = np.column_stack(
-            [x + r[ok] * np.cos(angles[ok] + g), y + r[ok] * np.sin(angles[ok] + g)]
-        )
-        there = [
-            i
-            for i in range(len(truth))
-            if np.isfinite(truth[i]).all() and math.hypot(*truth[i, :2]) < 30
-        ]
-        wrong = wrong_near = False
-        for one in found:
-            if math.hypot(*one[2:]) > FALSE:
-                # a false velocity: no mover is near the place
-                recent = to_robot(
-                    made.poses[k],
-                    np.vstack(
-                        [made.truth[past[k] : k + 1].reshape(-1, 5), made.truth[k]]
-                    ),
-                )
-                if not (np.hypot(*(recent[:, :2] - one[:2]).T) < 1.0).any():
-                    wrong = True
-                    wrong_near |= math.hypot(*one[:2]) < 5.0
-                    m.where.append((float(time), *one))
-        m.false += wrong
-        m.false_near += wrong_near
-        for i in there:
-            seen = (
-                (np.hypot(*(echoes - truth[i, :2]).T) < 0.75).sum() >= 2
-                if len(echoes)
-                else False
-            )
-            if not seen:
-                continue
-            # who has been seen without a break since
-            first.setdefault(i, float(time))
-            apart = math.hypot(*truth[i, :2])
-            best = None
-            for one in found:
-                d = math.dist(one[:2], truth[i, :2])
-                if d < PLACE and (best is None or d < best[0]):
-                    best = (d, math.dist(one[2:], truth[i, 2:4]))
-            right = best is not None and best[1] < SPEED
-            moving = math.hypot(*truth[i, 2:4]) > 0.1
-            if not moving and best is None:
-                right = True  # a body at rest may be points
-            if right and moving and i not in done:
-                done.add(i)
-                m.waits.append(float(time) - first[i])
-            if apart < near and moving and time - first[i] > SETTLED:
-                m.to_know += 1
-                m.known += right
-                if best is not None:
-                    m.place_errors.append(best[0])
-                    m.speed_errors.append(best[1])
-    return m
+        recent = made.truth[past[k] : k + 1].reshape(-1, made.truth.shape[2])
+        judge_false(total, found, to_robot(made.poses[k], recent))
+        truth, echoes = to_robot(made.poses[k], made.truth[k]), echoes_of(made, k)
+        for i, one in enumerate(truth):
+            seen = np.hypot(*(echoes - one[:2]).T) < made.reach[i] + 0.1
+            if seen.sum() >= 2:
+                first.setdefault(i, time)
+                known = judge_known(total, found, one, time - first[i])
+                if known and i not in done:
+                    done.add(i)
+                    total.waits.append(time - first[i])
+    return total
+
+
+def echoes_of(made: Recorded, k: int) -> np.ndarray:
+    """Return the echoes (n, 2) of a scan in the robot frame, m."""
+    lidar, ranges = made.lidar, made.ranges[k]
+    beam = (np.arange(lidar.beams) + 0.5) / lidar.beams - 0.5
+    angles = lidar.field_of_view * beam + lidar.mount[2]
+    rays = np.column_stack([np.cos(angles), np.sin(angles)])
+    echo = np.isfinite(ranges)
+    return ranges[echo, None] * rays[echo] + lidar.mount[:2]
+
+
+def judge_false(total: Measured, found: np.ndarray, recent: np.ndarray) -> None:
+    """Count a scan, and whether something at rest was given a velocity."""
+    fast = [one for one in found if math.hypot(*one[2:]) > FALSE]
+    lone = [x for x in fast if not (np.hypot(*(recent[:, :2] - x[:2]).T) < 1.0).any()]
+    total.scans += 1
+    total.false += bool(lone)
+    total.false_near += any(math.hypot(*one[:2]) < 5.0 for one in lone)
+
+
+def judge_known(
+    total: Measured, found: np.ndarray, truth: np.ndarray, since: float
+) -> bool:
+    """Count a visible mover; return whether it moves and is known right.
+
+    Args:
+        total: Changed.
+        found: (m, 4) by the tracker, robot frame.
+        truth: (4,) of the mover.
+        since: s since it was seen first.
+    """
+    if math.hypot(*truth[2:]) < 0.1:
+        return False
+    apart = np.hypot(*(found[:, :2] - truth[:2]).T)
+    near = int(np.argmin(apart)) if len(found) else 0
+    known = len(found) > 0 and bool(apart[near] < PLACE)
+    off = math.dist(found[near, 2:], truth[2:]) if known else math.inf
+    if since > SETTLED and math.hypot(*truth[:2]) < NEAR:
+        total.to_know += 1
+        total.known += off < SPEED
+        if known:
+            total.place_errors.append(float(apart[near]))
+            total.speed_errors.append(off)
+    return off < SPEED

@@ -50,6 +50,13 @@ class Mover(NamedTuple):
         rates = np.array([b[0] - a[0], b[1] - a[1], turn]) / (2 * h)
         return np.array([x, y, *rates])
 
+    @property
+    def reach(self) -> float:
+        """Greatest distance of its outline from its place, m."""
+        if isinstance(self.shape, np.ndarray):
+            return float(np.hypot(*(self.shape - self.shape.mean(axis=0)).T).max())
+        return BODY
+
     def middle(self, time: float) -> tuple[float, float, float]:
         """Return x, y and heading of the middle of its shape."""
         x, y, heading = self.path(time)
@@ -124,6 +131,7 @@ class Recorded(NamedTuple):
         odometry: (n, 3) x, y, heading with drift, m, m, rad.
         poses: (n, 3) true ones.
         truth: (n, movers, 5) x, y, v_x, v_y, turn rate; NaN before a mover begins.
+        reach: (movers,) greatest distance of its outline from its place, m.
     """
 
     lidar: LidarSettings
@@ -132,6 +140,7 @@ class Recorded(NamedTuple):
     odometry: np.ndarray
     poses: np.ndarray
     truth: np.ndarray
+    reach: list[float]
 
 
 class Drift(NamedTuple):
@@ -182,7 +191,8 @@ def record(
             if time >= mover.begins:
                 truth[k, i] = mover.motion(time)
     odometry = drifted(poses, drift, random)
-    return Recorded(lidar, stamps, np.array(rows), odometry, poses, truth)
+    reach = [mover.reach for mover in scene.movers]
+    return Recorded(lidar, stamps, np.array(rows), odometry, poses, truth, reach)
 
 
 def drifted(poses: np.ndarray, drift: Drift, random: np.random.Generator) -> np.ndarray:
@@ -215,7 +225,7 @@ def box_walls(x1: float, y1: float, x2: float, y2: float) -> list[tuple[float, .
     return [(x1, y1, x2, y1), (x2, y1, x2, y2), (x2, y2, x1, y2), (x1, y2, x1, y1)]
 
 
-def line(
+def walk_line(
     begin: Sequence[float], end: Sequence[float], speed: float, start: float = 0.0
 ):
     """Return the path of a walk to and fro between two places, with rests of 2 s."""
@@ -309,7 +319,7 @@ def crossings(shape: object = "person", abreast: int = 1, seed: int = 0) -> Scen
             if abreast > 1:  # the clip above must not bring them together
                 begin = np.array((-s * off - 3.0 * c, c * off - 3.0 * s))
                 end = np.array((-s * off + 3.0 * c, c * off + 3.0 * s))
-            path = line(begin, end, speed, start)
+            path = walk_line(begin, end, speed, start)
             until = start + math.dist(begin, end) / speed
             movers.append(Mover(gone_after(path, until, start), shape, start))
     name = {1: "alone", 2: "two abreast", 3: "three abreast"}[abreast]
@@ -334,7 +344,9 @@ def corridor(seed: int = 0) -> Scene:
         speed = random.uniform(0.5, 1.4)
         movers.append(
             Mover(
-                gone_after(line(begin, end, speed, start), start + 18.0 / speed, start),
+                gone_after(
+                    walk_line(begin, end, speed, start), start + 18.0 / speed, start
+                ),
                 "person",
                 start,
             )
@@ -356,7 +368,7 @@ def along_wall(seed: int = 0) -> Scene:
     movers = []
     for k, speed in enumerate((0.6, 0.9, 1.2, 1.5)):
         start = 2.0 + 9.0 * k
-        path = line((-4.5, 4 - 0.45), (4.5, 4 - 0.45), speed, start)
+        path = walk_line((-4.5, 4 - 0.45), (4.5, 4 - 0.45), speed, start)
         movers.append(
             Mover(gone_after(path, start + 9.0 / speed, start), "person", start)
         )
@@ -368,7 +380,7 @@ def occlusion(seed: int = 0) -> Scene:
     movers = []
     for k, speed in enumerate((0.8, 1.1, 1.4, 0.6)):
         start = 2.0 + 9.0 * k
-        path = line((4.5, 3.0), (-4.5, 0.8), speed, start)
+        path = walk_line((4.5, 3.0), (-4.5, 0.8), speed, start)
         movers.append(
             Mover(gone_after(path, start + 9.26 / speed, start), "person", start)
         )
@@ -422,7 +434,9 @@ def large(kind: str) -> Scene:
         until = start + math.dist(begin, end) / speed
         movers.append(
             Mover(
-                gone_after(line(begin, end, speed, start), until, start), shape, start
+                gone_after(walk_line(begin, end, speed, start), until, start),
+                shape,
+                start,
             )
         )
     return Scene(kind, walls, [], movers, still_robot(), 58.0)
