@@ -44,11 +44,11 @@ def test_its_controllers_are_as_many_as_it_says():
 def test_its_people_are_those_of_the_station_study():
     with (ROOT / "comparisons/results/station.csv").open() as file:
         rows = [{k: float(x) for k, x in row.items()} for row in csv.DictReader(file)]
-    people, touched, still = (
-        round(sum(row[k] for row in rows))
-        for k in ("people", "touched", "touched_at_rest")
+    people, touched, still, points, scans = (
+        round(sum(row[k] for row in rows)) for k in list(rows[0])[1:6]
     )
-    assert f"Of {people} people it touches none" in TEXT and touched == 0
+    assert f"Of {people} people it touches none" in TEXT and touched == scans == 0
+    assert f"with the points of the scan alone {points}" in TEXT
     assert f"hit by {still} of them" in " ".join(TEXT.split())
     assert max(row["error_mm"] for row in rows) < 20.0
     for seed in (3, 56):

@@ -1,7 +1,8 @@
 """A robot parked at a bench lets people pass and returns: number of contacts.
 
 Three people walk past its place one after the other, straight on, at 0.5 to 1.5 m/s;
-they never yield. The guide knows their places and velocities. A robot that does nothing
+they never yield. The guide knows their places and velocities,
+or has a LiDAR: points alone, or perception of its scans. A robot that does nothing
 meets the same people.
 
 Run: python comparisons/encounters/station.py [--scenes 120] [--film film.gif]
@@ -12,6 +13,7 @@ import csv
 import math
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +24,13 @@ from matplotlib.patches import Circle
 
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.guide.guide import Guide
-from qpavoid.lab.sensing.lidar import LidarSettings
+from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.model.contacts import clearance_of
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import integrate, to_world
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
+from qpavoid.perception.perception import Perception
 from qpavoid.types import Pose
 
 ROBOT = Robot(
@@ -91,8 +94,31 @@ def seen(people: Sequence[Person], time: float) -> Obstacles:
     )
 
 
-def drive(people: Sequence[Person], guided: bool) -> tuple[list[Pose], list[bool]]:
-    """Return the pose at each control step, and whether each person is touched."""
+class Scanner:
+    """A LiDAR in the room, with perception or as points alone."""
+
+    def __init__(self, perceives: bool, seed: int) -> None:
+        self._lidar, self._perceives = Lidar(replace(LIDAR, seed=seed)), perceives
+        self._perception = Perception(ROBOT, self._lidar.geometry)
+
+    def see(self, people: Sequence[Person], time: float, pose: Pose) -> Obstacles:
+        """Return the obstacles at a time, robot frame."""
+        discs = [(*one.at(time), RADIUS) for one in people]
+        world = Obstacles(discs=discs, walls=[BENCH, *ROOM])
+        points = self._lidar.scan(pose, time, world)
+        if not self._perceives:
+            return Obstacles(points)
+        self._perception.update(self._lidar.last, self._lidar.taken, self._lidar.pose)
+        return self._perception.obstacles(time, pose)
+
+
+def drive(
+    people: Sequence[Person], guided: bool, scanner: Scanner | None = None
+) -> tuple[list[Pose], list[bool]]:
+    """Return the poses, one a control step, and who of the people is touched.
+
+    Without a scanner the guide knows the people in sight.
+    """
     guide, poses, touched = Guide(ROBOT, SETTINGS), [STATION], [False] * len(people)
     guide.stay(STATION)
     for k in range(round(SECONDS / SETTINGS.dt)):
