@@ -124,13 +124,13 @@ TUTORIALS = [name for name, text in TEXTS.items() if cells(text)]
 
 
 def test_every_tutorial_is_a_notebook():
-    expected = "own-robot own-scenario methods lidar-loop studies bag ros2 c"
+    expected = "own-robot own-scenario methods lidar-loop studies bag ros2 c perception"
     assert set(TUTORIALS) == set(expected.split())
 
 
 def built(folder, *options):
     """Build the documentation; return its pages."""
-    for name in ("sphinx", "furo", "myst_nb", "ipykernel", "joblib", "rosbags"):
+    for name in ("sphinx", "furo", "myst_nb", "ipykernel", "rosbags"):
         pytest.importorskip(name, reason="needs qpavoid[docs]")
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", *options]
     done = subprocess.run(
