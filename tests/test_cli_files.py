@@ -52,11 +52,11 @@ def test_the_lidar_of_a_first_scenario_is_commented_out(tmp_path):
     path = tmp_path / "first.toml"
     assert main(["init", str(path)]) == 0
     text = path.read_text()
-    for line in ("[margins]", "error_m", "[lidar]", "beams", "noise_m", "tracks"):
+    for line in ("[margins]", "error_m", "[lidar]", "beams", "noise_m", "perception"):
         text = text.replace(f"# {line}", line)
     path.write_text(text)
     scenario = load_scenario(str(path))
-    assert scenario.lidar.tracks and scenario.settings.margins.error == 0.02
+    assert not scenario.lidar.perception and scenario.settings.margins.error == 0.02
 
 
 @pytest.mark.parametrize("told", ["--v-max", "--acceleration"])

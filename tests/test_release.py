@@ -25,7 +25,7 @@ def test_type_checkers_see_the_public_names():
     block = next(node for node in tree.body if isinstance(node, ast.If))
     lines = [node for node in block.body if isinstance(node, ast.ImportFrom)]
     names = {alias.name for node in lines for alias in node.names}
-    assert names == set(qpavoid.__all__) - {"__version__"} and len(names) == 37
+    assert names == set(qpavoid.__all__) - {"__version__"} and len(names) == 40
     assert all(getattr(qpavoid, name) is not None for name in dir(qpavoid))
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         qpavoid.nothing  # noqa: B018
@@ -135,3 +135,16 @@ def test_the_sdist_builds_offline(tmp_path):
         command, cwd=site, env={"PYTHONPATH": str(site)}, capture_output=True, text=True
     )
     assert told.stdout.strip() == "True", told.stderr
+
+
+def test_the_wheel_is_built_with_numpy_alone():
+    """The hook imports its modules where no other dependency is installed."""
+    hook = FILE["tool"]["hatch"]["build"]["targets"]["wheel"]["hooks"]["custom"]
+    others = [re.split("[>=<]", name)[0] for name in PROJECT["dependencies"]]
+    blocked = dict.fromkeys({*others, "yaml", "numba"} - {"numpy"})
+    code = f"import sys; sys.modules.update({blocked})"
+    code += "".join(f"; import {module}" for module in hook["modules"])
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr

@@ -67,7 +67,7 @@ MOST_BEAMS = 100_000
 NEAREST = 1e7
 """m; coordinates of the odometry are smaller: cells are counted exactly."""
 
-LATEST = 1e10
+LATEST_STAMP = 1e10
 """s; stamps are smaller: their differences count to a microsecond."""
 
 LATE = 0.1
@@ -242,7 +242,7 @@ class Perception:
         """
         time, pose = as_number(stamp, "stamp"), as_pose(odometry, "odometry")
         want(max(map(abs, pose[:2])) < NEAREST, f"odometry is beyond {NEAREST:g} m")
-        want(abs(time) < LATEST, "a stamp is a number of seconds")
+        want(abs(time) < LATEST_STAMP, "a stamp is a number of seconds")
         lidar = self._lidar(sensor)
         seen = self._ranges(lidar, ranges, points)
         device = self._devices.get(sensor) or _Device(lidar, len(seen))

@@ -2,16 +2,18 @@
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from qpavoid.avoidance.decision import BLOCKED, RELAXED
 from qpavoid.compiled import compiled, entry
-from qpavoid.lab.simulation.log import Log
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.types import Array, Pose, Record
+
+if TYPE_CHECKING:
+    from qpavoid.lab.simulation.log import Log
 
 NOTED = (
     *("clearance", "room", "deviation", "changed", "relaxed", "blocked", "arrived"),
@@ -98,7 +100,7 @@ def contacts_moving(least: Array, pace: Array) -> npt.NDArray[np.intp]:
     return np.flatnonzero(touched[1:] & ~touched[:-1] & (pace > CRAWL))
 
 
-def outcome_of(log: Log) -> npt.NDArray[np.void]:
+def outcome_of(log: "Log") -> npt.NDArray[np.void]:
     """Return the outcome of a run from its log: what the compiled loop notes."""
     dt, times, status = log.meta["dt_s"], log["t_s"], log["status"]
     x, y = (np.append(log[key], log.final[i]) for i, key in enumerate(("x_m", "y_m")))
