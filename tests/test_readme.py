@@ -48,7 +48,7 @@ def test_its_people_are_those_of_the_station_study():
         round(sum(row[k] for row in rows)) for k in list(rows[0])[1:6]
     )
     assert f"Of {people} people it touches none" in TEXT and touched == scans == 0
-    assert f"with the points of the scan alone {points}" in TEXT
+    assert f"with scan points alone {points}" in TEXT
     assert f"hit by {still} of them" in " ".join(TEXT.split())
     assert max(row["error_mm"] for row in rows) < 20.0
     for seed in (3, 56):
