@@ -120,7 +120,7 @@ def examined() -> Iterator[Finding]:
     yield cache()
     folder = os.environ.get("QPAVOID_DATA")
     there = folder is not None and Path(folder).is_dir()
-    advice = "" if there else "set QPAVOID_DATA; docs/comparisons.md says where from"
+    advice = "" if there else "set QPAVOID_DATA; docs/studies.md says where from"
     state = FINE if there else WRONG if folder else MISSING
     yield Finding("published data", state, folder or "", advice)
 
