@@ -145,6 +145,7 @@ class Lidar:
             mount=(x, y, heading + 0.5 * step if round_ else heading),
             range_max=s.range,
             range_min=0.0,
+            no_echo="auto" if s.dropout else "free",
         )
 
     def _sensor(self, pose: Pose) -> Pose:
