@@ -188,7 +188,7 @@ def test_the_sentences_of_the_readme():
     ours, mppi = (sum(hit(x, "/") for x in y) for y in zip(*pairs, strict=True))
     assert f"in {ours} of 4,046 runs, MPPI in {mppi:,} of the same" in text
     ten = [hit(runs("crowdnav", "^10")[x]) for x in (OURS, "mppi")]
-    assert f"in {ten[0]} of 500 runs among CrowdNav's ten people, MPPI {ten[1]}." in text
+    assert f"in {ten[0]} of 500 runs among CrowdNav's ten people, MPPI {ten[1]}" in text
     assert sum(len(x) for x, _ in pairs) == 4046 and len(pairs) == 24
     assert f"In {best[OURS]} of 24 sets of scenes" in text
     assert [best[x] for x in ("mppi", "nmpc", "mpc-cbf")] == [13] * 3
