@@ -162,6 +162,7 @@ def order(path, item):
 def spent(items, most, *mutant):
     """Return the time of tests in a process of their own, s; infinite: one fails."""
     if (child := os.fork()) == 0:
+        os.setsid()
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
         signal.alarm(WALL)
