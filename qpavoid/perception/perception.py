@@ -128,11 +128,8 @@ class _Device:
     """A LiDAR with the number of its beams, once that is known."""
 
     def __init__(self, lidar: Lidar, beams: int) -> None:
-        wide = lidar.field_of_view
-        round_ = beams > 1 and wide > 2.0 * math.pi - 1e-6
-        step = wide / beams if round_ else wide / max(beams - 1, 1)
-        count = np.arange(beams)
-        angles = step * count - 0.5 * wide
+        step, count = lidar.step(beams), np.arange(beams)
+        angles = step * count - 0.5 * lidar.field_of_view
         share = count / max(beams - 1, 1) - 0.5
         after = lidar.sweep * share
         length = abs(lidar.sweep)
@@ -142,7 +139,7 @@ class _Device:
             lidar.mount,
             step,
             lidar.range_max,
-            float(round_),
+            float(beams > 1 and lidar.is_round),
             lidar.angle_error,
             MEANING[lidar.no_echo],
         )
@@ -344,7 +341,6 @@ class Perception:
         """Return what is known after the last scan, for display."""
         state, cells = self._memory.state, self._memory.cells
         pose = (0.0, 0.0, 0.0) if self._last is None else self._last[1]
-        known = [row for row in self._memory.tracks[: int(state[TRACKS])]]
         tracks = tuple(
             Track(
                 int(t[NAME]),
@@ -354,7 +350,7 @@ class Perception:
                 max(float(t[COVER]), self.settings.radius),
                 bool(t[CONFIRMED]),
             )
-            for t in known
+            for t in self._memory.tracks[: int(state[TRACKS])]
         )
         points = cells[cells[:, LIVES] > 0.0][:, [POINT_X, POINT_Y]]
         kind = np.where(cells[:, FREE_COUNT] > 0.0, 0, -1)
@@ -378,10 +374,9 @@ def virtual_ranges(lidar: Lidar, points: npt.ArrayLike) -> Array:
     columns = 3 if np.ndim(points) == 2 and np.shape(points)[1] == 3 else 2
     rows = as_rows(points, columns, "points")
     rows = rows[np.isfinite(rows).all(axis=1)]
-    wide = lidar.field_of_view
-    round_ = wide > 2.0 * math.pi - 1e-6
+    wide, round_ = lidar.field_of_view, lidar.is_round
     count = max(round(wide / math.radians(1.0)) + (0 if round_ else 1), 1)
-    step = wide / count if round_ else wide / max(count - 1, 1)
+    step = lidar.step(count)
     ranges = np.full(count, math.inf)
     away = np.hypot(rows[:, 0], rows[:, 1])
     beam = np.rint((np.arctan2(rows[:, 1], rows[:, 0]) + 0.5 * wide) / step).astype(int)

@@ -9,6 +9,9 @@ from qpavoid.types import Pose
 
 MOUNT = ("mount_x_m", "mount_y_m", "mount_heading_rad")
 ROUND = Range(gt=0.0, le=2.0 * math.pi + 1e-9, allow_inf_nan=False)
+ALL_ROUND = 2.0 * math.pi - 1e-6
+"""rad; a wider view goes all round."""
+
 SHORT = Range(ge=-1.0, le=1.0, allow_inf_nan=False)
 STEEP = Range(ge=0.0, le=0.5, allow_inf_nan=False)
 
@@ -49,6 +52,15 @@ class Lidar:
     def __post_init__(self) -> None:
         check(self, "a LiDAR needs")
         want(self.range_min < self.range_max, "a LiDAR needs range_min < range_max")
+
+    @property
+    def is_round(self) -> bool:
+        """Whether the last beam is beside the first."""
+        return self.field_of_view > ALL_ROUND
+
+    def step(self, beams: int) -> float:
+        """Return the angle between neighbouring beams of so many, rad."""
+        return self.field_of_view / max(beams if self.is_round else beams - 1, 1)
 
 
 @dataclass(frozen=True)

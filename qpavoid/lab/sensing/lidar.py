@@ -33,9 +33,6 @@ from qpavoid.types import Array, Arrays, Points, Pose, VectorWritten
 MOUNT = ("mount_x_m", "mount_y_m", "mount_heading_rad")
 ROUND = Range(gt=0.0, le=2 * math.pi + 1e-9, allow_inf_nan=False)
 SOME = Range(gt=0.0, le=1e6, allow_inf_nan=False)
-ALL_ROUND = 2.0 * math.pi - 1e-6
-"""rad; the first beam of such a view is beside the last."""
-
 NONE_OR_SOME = Range(ge=0.0, le=1e6, allow_inf_nan=False)
 
 
@@ -138,7 +135,7 @@ class Lidar:
     def geometry(self) -> perceived.Lidar:
         """Geometry of the sensor for perception, whose beams span the whole view."""
         s = self.settings
-        step, round_ = s.field_of_view / s.beams, s.field_of_view > ALL_ROUND
+        step, round_ = s.field_of_view / s.beams, s.field_of_view > perceived.ALL_ROUND
         x, y, heading = s.mount
         return perceived.Lidar(
             field_of_view=s.field_of_view if round_ else s.field_of_view - step,
