@@ -24,13 +24,13 @@ from matplotlib.patches import Circle
 
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.guide.guide import Guide
-from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
+from qpavoid.lab.sensing.lidar import LidarSettings
+from qpavoid.lab.simulation.simulation import Sensor, scanner
 from qpavoid.model.contacts import clearance_of
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import integrate, to_world
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
-from qpavoid.perception.perception import Perception
 from qpavoid.types import Pose
 
 ROBOT = Robot(
@@ -94,30 +94,12 @@ def seen(people: Sequence[Person], time: float) -> Obstacles:
     )
 
 
-class Scanner:
-    """A LiDAR in the room, with perception or as points alone."""
-
-    def __init__(self, perceives: bool, seed: int) -> None:
-        self._lidar, self._perceives = Lidar(replace(LIDAR, seed=seed)), perceives
-        self._perception = Perception(ROBOT, self._lidar.geometry)
-
-    def see(self, people: Sequence[Person], time: float, pose: Pose) -> Obstacles:
-        """Return the obstacles at a time, robot frame."""
-        discs = [(*one.at(time), RADIUS) for one in people]
-        world = Obstacles(discs=discs, walls=[BENCH, *ROOM])
-        points = self._lidar.scan(pose, time, world)
-        if not self._perceives:
-            return Obstacles(points)
-        self._perception.update(self._lidar.last, self._lidar.taken, self._lidar.pose)
-        return self._perception.obstacles(time, pose)
-
-
 def drive(
-    people: Sequence[Person], guided: bool, scanner: Scanner | None = None
+    people: Sequence[Person], guided: bool, see: Sensor | None = None
 ) -> tuple[list[Pose], list[bool]]:
     """Return the poses, one a control step, and who of the people is touched.
 
-    Without a scanner the guide knows the people in sight.
+    Without a sensor the guide knows the people in sight.
     """
     guide, poses, touched = Guide(ROBOT, SETTINGS), [STATION], [False] * len(people)
     guide.stay(STATION)
@@ -126,10 +108,12 @@ def drive(
         for i, one in enumerate(people):
             disc = Obstacles(discs=[(*one.at(time), RADIUS)]).seen_from(poses[-1])
             touched[i] |= clearance_of(ROBOT.footprint, disc.arrays) < 0.0
-        if scanner is None:
+        if see is None:
             world = seen(people, time).seen_from(poses[-1])
         else:
-            world = scanner.see(people, time, poses[-1])
+            discs = [(*one.at(time), RADIUS) for one in people]
+            there = Obstacles(discs=discs, walls=[BENCH, *ROOM])
+            world = see(time, there, poses[-1])
         twist = guide.step(poses[-1], world)[:2] if guided else (0.0, 0.0)
         poses.append(integrate(poses[-1], twist, 0.0, SETTINGS.dt))
     return poses, touched
@@ -137,7 +121,8 @@ def drive(
 
 def row(seed: int) -> dict[str, float]:
     """Return the contacts of a scene, those of a robot at rest, and the final error."""
-    people = people_of(seed)
+    people, lidar = people_of(seed), replace(LIDAR, seed=seed)
+    points = scanner(ROBOT, replace(lidar, perception=False))
     poses, touched = drive(people, True)
     x, y, heading = poses[-1]
     turned = math.degrees(abs(math.remainder(heading, math.tau)))
@@ -146,8 +131,8 @@ def row(seed: int) -> dict[str, float]:
         "people": len(people),
         "touched": sum(touched),
         "touched_at_rest": sum(drive(people, False)[1]),
-        "touched_by_points": sum(drive(people, True, Scanner(False, seed))[1]),
-        "touched_by_scans": sum(drive(people, True, Scanner(True, seed))[1]),
+        "touched_by_points": sum(drive(people, True, points)[1]),
+        "touched_by_scans": sum(drive(people, True, scanner(ROBOT, lidar))[1]),
         "error_mm": round(1000.0 * math.hypot(x, y), 2),
         "turned_deg": round(turned, 3),
     }

@@ -18,7 +18,8 @@ import numpy as np
 
 import qpavoid as qp
 from perception_scenes import BODY, Mover, Scene, box_walls, gone_after, walk_line
-from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
+from qpavoid.lab.sensing.lidar import LidarSettings
+from qpavoid.lab.simulation.simulation import scanner
 from qpavoid.model.contacts import clearance_of
 from qpavoid.model.kinematics import integrate
 from qpavoid.model.obstacles import Obstacles
@@ -192,8 +193,8 @@ class Drive:
 
     def __init__(self, task: Task, sense: str, lidar: LidarSettings, seed: int) -> None:
         self.task, self.pose, self._sense = task, task.start, sense
-        self._lidar = Lidar(replace(lidar, seed=seed))
-        self._perception = qp.Perception(ROBOT, self._lidar.geometry)
+        perceives = sense == "perception"
+        self._scan = scanner(ROBOT, replace(lidar, seed=seed, perception=perceives))
         self._guide = qp.Guide(ROBOT, SETTINGS)
         self.touched, self.still = set[int](), set[int]()
         self.furniture = False
@@ -201,14 +202,8 @@ class Drive:
     def see(self, time: float) -> Obstacles:
         """Return the obstacles that the guide is given, robot frame."""
         scene = self.task.scene
-        points = self._lidar.scan(self.pose, time, scene.obstacles(time))
-        if self._sense == "points":
-            return Obstacles(points)
-        if self._sense == "perception":
-            self._perception.update(
-                self._lidar.last, self._lidar.taken, self._lidar.pose
-            )
-            return self._perception.obstacles(time, self.pose)
+        if self._sense != "true":
+            return self._scan(time, scene.obstacles(time), self.pose)
         near = [
             mover.motion(time)
             for mover in scene.movers

@@ -15,7 +15,7 @@ from qpavoid.guide.guide import PathTracking
 from qpavoid.guide.stage import GuideStage, Tracking
 from qpavoid.guide.state import Progress
 from qpavoid.lab.planning.planner import Planner, PlanningProblem, standing
-from qpavoid.lab.sensing.lidar import Lidar
+from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.sensing.physics import Physics
 from qpavoid.lab.sensing.plant import Drive
 from qpavoid.lab.simulation.clearance import (
@@ -35,6 +35,7 @@ from qpavoid.model.kinematics import integrate
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import GREATEST, Robot, limit_twist, limits_of
 from qpavoid.perception.perception import Perception
+from qpavoid.perception.settings import PerceptionSettings
 from qpavoid.qp.solve import find_back_end
 from qpavoid.tracking.kanayama import tracking_error
 from qpavoid.types import Array, Pose, Twist
@@ -121,7 +122,7 @@ def make_sensor(scenario: Scenario) -> Sensor:
     if scenario.sensor is not None:
         return scenario.sensor.start()
     if scenario.lidar is not None:
-        return _scanner(scenario)
+        return scanner(scenario.robot, scenario.lidar, scenario.perception)
     if scenario.estimation is not None:
         return _estimator(scenario.estimation)
     if scenario.sight == math.inf:
@@ -146,16 +147,24 @@ def make_plant(scenario: Scenario) -> Callable[[float, float, float], Drive]:
     return scenario.plant.start()
 
 
-def _scanner(scenario: Scenario) -> Sensor:
-    """Return a LiDAR: points, or what perception makes of its scans."""
-    lidar = Lidar(scenario.lidar)
-    perception = Perception(scenario.robot, lidar.geometry, scenario.perception)
+def scanner(
+    robot: Robot,
+    settings: LidarSettings,
+    bodies: PerceptionSettings | None = None,
+) -> Sensor:
+    """Return a LiDAR on a robot: points, or what perception makes of its scans."""
+    lidar = Lidar(settings)
+    perception = Perception(robot, lidar.geometry, bodies)
+    taken = math.nan
 
     def see(time: float, obstacles: Obstacles, pose: Pose) -> Obstacles:
+        nonlocal taken
         points = lidar.scan(pose, time, obstacles)
-        if not lidar.settings.perception:
+        if not settings.perception:
             return Obstacles(points)
-        perception.update(lidar.last, lidar.taken, lidar.pose)
+        if lidar.taken != taken:
+            taken = lidar.taken
+            perception.update(lidar.last, taken, lidar.pose)
         return perception.obstacles(time, pose)
 
     return see
