@@ -1,4 +1,4 @@
-"""What the kernels of the tutorials run first; a reader's own IPython does without.
+"""First commands of the tutorials' kernels; a reader's own IPython does without.
 
 Figures are drawn as SVG, and ``%%sh`` ends a page with an error where a command of it
 does, and prints what it printed in one piece.

@@ -389,7 +389,7 @@ def occlusion(seed: int = 0) -> Scene:
 
 
 def stop_and_go(seed: int = 0) -> Scene:
-    """Return a person who walks, stands for 4 s, and walks on."""
+    """Return a scene of one person: walk, 4 s at rest, walk."""
 
     def path(time: float) -> tuple[float, float, float]:
         phase = (time - 2.0) % 16.0

@@ -115,7 +115,7 @@ def drive_slots(setup: Setup, slots: Slots, twists: Array, moving: Flags) -> Non
 
 @compiled_once
 def observe_slots(setup: Setup, slots: Slots, rows: Array) -> None:
-    """Fill what is told, and the rows (n, :data:`HEAD` + m) of all robots."""
+    """Write the observations, and the rows (n, :data:`HEAD` + m) of all robots."""
     size = limits_of(setup.robot).circumradius
     for i in range(rows.shape[0]):
         (task, run), row, told = at_slot(slots, i), rows[i], slots.told[i]
