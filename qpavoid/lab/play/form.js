@@ -8,6 +8,7 @@ const Form = (() => {
   const HEADINGS = {
     robot: "Robot: limits", radius: "Safety radius", filter: "QP filter", ahead: "Look-ahead",
     margins: "Margins", actuation: "Actuation", repulsion: "Repulsion (Eq. 5, 7)", guide: "Guide",
+    lidar: "LiDAR", perception: "Perception",
   };
   const OPEN = ["radius"];
 

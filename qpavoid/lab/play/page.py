@@ -26,6 +26,7 @@ from qpavoid.guide.settings import BACK_SPEED, GuideSettings
 from qpavoid.guide.stage import fresh_stage
 from qpavoid.guide.state import NO_PATH
 from qpavoid.lab.play.program import Program, program
+from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.simulation.config import find_config, read_document
 from qpavoid.lab.simulation.methods import OURS, REGISTRY
 from qpavoid.lab.simulation.scenario import Scenario, make_scenario
@@ -34,6 +35,14 @@ from qpavoid.lab.simulation.tables import UNITS, attributes_of
 from qpavoid.lab.study.report.page import as_json, part
 from qpavoid.model.capsules import TURN, V_X, X1, Y1
 from qpavoid.model.robot import Limits, Robot
+from qpavoid.perception import settings as perceived
+from qpavoid.perception.alignment import SYSTEM
+from qpavoid.perception.local_map import CELL as MAP_CELL
+from qpavoid.perception.local_map import CELL_WIDTH, EVER_FREE, HALF, SIDE
+from qpavoid.perception.scan import NO_ECHO_FREE, SCAN_WIDTH
+from qpavoid.perception.segments import MOST_SEGMENTS, SEGMENT_WIDTH
+from qpavoid.perception.tracks import MOST_TRACKS, TRACK_WIDTH
+from qpavoid.perception.update import MIDDLE_I, STATE_WIDTH
 from qpavoid.settings import Setting, declared
 from qpavoid.tracking.kanayama import Gains
 from qpavoid.tracking.station import StationKeeping, StationTracker
@@ -54,20 +63,20 @@ SECTIONS: dict[str, type[Any]] = {
     "filter": AvoidanceSettings,
     **{name: kind for name, kind in PARTS.items() if name != "radius"},
     "guide": GuideSettings,
+    "lidar": LidarSettings,
+    "perception": perceived.PerceptionSettings,
 }
 """Tables of a scenario file that can be set while a robot drives."""
 
 RECORD_NAMES = {
     "weights": ("weight_v", "weight_omega"),
     "acceleration": ("obstacle_acceleration",),
+    "mount": ("mount_x", "mount_y", "mount_heading"),
 }
 """Names in the compiled record, where they are not those of the fields."""
 
-NOT_PLAYED = (
-    *("estimation", "sight_m", "lidar", "perception", "localisation"),
-    *("plant", "planner", "robots"),
-)
-"""Of a scenario: here robots know where they and all obstacles are, and drive so."""
+NOT_PLAYED = ("estimation", "sight_m", "localisation", "plant", "planner", "robots")
+"""Of a scenario: here robots know where they are, and drive as they decide."""
 
 SIZES = {
     "state": len(fresh_state()),
@@ -80,12 +89,29 @@ SIZES = {
     "spacing": OUTLINE_SPACING,
     "blocked": NO_PATH,
     "ready": READY,
+    "memory": {
+        "state": (STATE_WIDTH, 1),
+        "cells": (SIDE * SIDE, CELL_WIDTH),
+        "tracks": (MOST_TRACKS, TRACK_WIDTH),
+        "segments": (MOST_SEGMENTS, SEGMENT_WIDTH),
+        "system": (SYSTEM, 1),
+    },
+    "scan": SCAN_WIDTH,
+    "all_round": perceived.ALL_ROUND,
+    "no_echo_free": NO_ECHO_FREE,
+    "angle_error": perceived.Lidar().angle_error,
+    "map": {
+        "cell": MAP_CELL,
+        "half": HALF,
+        "middle": MIDDLE_I,
+        "ever_free": EVER_FREE,
+    },
 }
 """Array sizes of the compiled functions."""
 
 SHARED_SCRIPTS = ("dom.js", "pen.js", "panels.js", "charts.js")
 OWN = (
-    *("world.js", "pilot.js", "toml.js", "form.js", "hands.js"),
+    *("world.js", "lidar.js", "pilot.js", "toml.js", "form.js", "hands.js"),
     *("robots.js", "rules.js", "ranges.js", "words.js", "play.js"),
 )
 
@@ -206,7 +232,6 @@ def scene(config: str, data: str | None = None) -> dict[str, Any]:
         raise ConfigError([f"{file}: robots: play has one robot"])
     kept = {key: value for key, value in document.items() if key not in NOT_PLAYED}
     made = make_scenario(kept, name, file, data)
-    stage = made.guide or GuideSettings()
     gains = Gains(*made.tracker.array[:3].tolist())
     station = StationTracker(gains, StationKeeping(), made.robot.limits)
     left_out = ("published", "frames_s", "ends_at_goal", "obstacles")
@@ -224,7 +249,8 @@ def scene(config: str, data: str | None = None) -> dict[str, Any]:
         "lags": made.waiting.lags,
         "robot": robot_data(made.robot),
         "guided": made.guide is not None,
-        "settings": values_of(made.settings, stage),
+        "lidar": made.lidar is not None,
+        "settings": values_of(made),
         "obstacles": obstacles_of(made),
     }
 
@@ -297,11 +323,16 @@ def bounds(setting: Setting) -> dict[str, Any]:
     return found | {"finite": inf is False}
 
 
-def values_of(settings: AvoidanceSettings, stage: Any) -> dict[str, Any]:
+def values_of(made: Scenario) -> dict[str, Any]:
     """Return the value of every entry by ``section.key``; null stands for infinite."""
+    parts = {
+        "guide": made.guide or GuideSettings(),
+        "lidar": made.lidar or LidarSettings(),
+        "perception": made.perception,
+    }
     found: dict[str, Any] = {}
     for section, kind in SECTIONS.items():
-        own = stage if section == "guide" else getattr(settings, section, settings)
+        own = parts.get(section, getattr(made.settings, section, made.settings))
         for setting in declared(kind):
             if hasattr(own, setting.name):
                 values = setting.of(getattr(own, setting.name))

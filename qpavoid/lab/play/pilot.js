@@ -4,7 +4,8 @@ qpavoid.lab.simulation.simulation does in Python, call by call. Qpavoid.Kernel i
 `export-c --wasm`; every pilot has a module of its own, whose memory goes with it.
 
 setup = {module, method, robot: {vertices, edges, limits, outline, inner}, settings by
-         section.key, entries, sizes, choices, dt, plan (n · 5), law (9), lags, start, guided} */
+         section.key, entries, sizes, choices, dt, plan (n · 5), law (9), lags, start, guided,
+         lidar: whether obstacles are those that it perceives} */
 
 const Pilot = (() => {
   const METHODS = {
@@ -13,6 +14,7 @@ const Pilot = (() => {
   };
   const WIDTHS = { points: 2, capsules: 11, contacts: 9, discs: 3, speeds: 2, walls: 4, rest: 2, corners: 2, polygons: 4 };
   const [A_V, A_OMEGA, B, OWNER, ROW] = [0, 1, 2, 3, 9];  // columns of a row of the QP, and how many there are
+  const [RADIUS, V_X] = [4, 5];  // columns of a capsule
 
   /** The program from its base64, to be made instances of. */
   async function program(packed) {
@@ -50,11 +52,12 @@ const Pilot = (() => {
     constructor(setup) {
       const kernel = new Qpavoid.Kernel(new WebAssembly.Instance(setup.module, {}).exports);
       Object.assign(this, { kernel, dt: setup.dt, lags: setup.lags, sizes: setup.sizes, how: METHODS[setup.method], tables: {} });
-      this.known = recorded(setup, (section) => section !== "guide");
+      this.known = recorded(setup, (section) => !["guide", "lidar", "perception"].includes(section));
       this.setup = {
         edges: this.rows(setup.robot.edges, 5), robot: kernel.vector(setup.robot.limits), settings: kernel.record("filter_settings", this.known),
       };
       this.radius = setup.robot.limits[8];
+      this.lidar = setup.lidar ? new Lidar(kernel, setup, this.setup.edges) : null;
       [this.law, this.plan] = [kernel.vector(setup.law), this.rows(setup.plan, 5)];
       [this.state, this.stageState] = [kernel.vector(setup.sizes.state), kernel.vector(setup.sizes.stage)];
       if (this.how.guided || setup.guided) this.guide(setup);
@@ -101,7 +104,7 @@ const Pilot = (() => {
       if (wrong >= 0) throw new Error("a cart is not convex");
     }
 
-    /** See the world at a time: points and capsules, robot frame. */
+    /** See the world at a time: what is there, and what is known, in the robot frame. */
     look(world, time) {
       const { kernel } = this;
       const { points, discs, walls, steady, held } = world;
@@ -122,11 +125,18 @@ const Pilot = (() => {
       const dragged = part("dragged", 2);
       this.fill(first + steady.polygons.length, dragged, held);
       put(dragged, counts[0] + counts[1]);
-      const seen = [this.table("seenPoints", points.length, 2), this.table("seen", all.rows, WIDTHS.capsules)];
-      kernel.in_robot_frame(this.pose, 0, [known, all], seen);
-      this.seen = seen;
-      const most = kernel.most_contacts(this.setup.edges, seen);
-      this.contacts = this.table("contacts", most);
+      const from = (pose, name) => {
+        const seen = [this.table(`${name}Points`, points.length, 2), this.table(name, all.rows, WIDTHS.capsules)];
+        kernel.in_robot_frame(pose, 0, [known, all], seen);
+        return seen;
+      };
+      this.seen = this.there = from(this.pose, "there");
+      if (this.lidar) {
+        this.lidar.scan(from(this.lidar.pose(this.pose), "scanned"), this.pose, time);
+        this.seen = this.lidar.obstacles(this.pose, time);
+      }
+      const [most, there] = [this.seen, this.there].map((seen) => kernel.most_contacts(this.setup.edges, seen));
+      this.contacts = this.table("contacts", Math.max(most, there));
       const size = kernel.memory_size(most, this.setup.settings);
       if (this.memory.rows < size) {
         kernel.free(this.memory);
@@ -181,9 +191,9 @@ const Pilot = (() => {
     }
 
     /** The nearest contact: P_r in the world frame, whose it is, and its r_min and r. */
-    nearest() {
-      const { kernel, known, pose } = this;
-      const [, row] = kernel.contact_table(this.setup.edges, this.radius, this.seen, 0, this.contacts);
+    nearest(seen, pose) {
+      const { kernel, known } = this;
+      const [, row] = kernel.contact_table(this.setup.edges, this.radius, seen, 0, this.contacts);
       const near = row < 0 ? { distance: Infinity, v_x: 0, v_y: 0, obstacle: -1 } : kernel.contact_at(this.contacts, row);
       const rmin = kernel.safety_radius(Math.hypot(near.v_x, near.v_y), radiusOf(known));
       const [c, s] = [Math.cos(pose[2]), Math.sin(pose[2])];
@@ -198,7 +208,7 @@ const Pilot = (() => {
       const [desired, blocked] = this.desire();
       const problem = this.problem(desired);
       const decision = this.decide(desired);
-      const near = this.nearest();
+      const near = this.nearest(this.there, this.pose);
       const [v, w] = this.kernel.limit_twist(this.setup.robot, [decision.v, decision.omega], this.driven, this.dt);
       this.driven = [v, w];
       this.pose = this.kernel.integrate(this.pose, this.driven, 0, this.dt);
@@ -213,10 +223,12 @@ const Pilot = (() => {
     /** What a step would be, without taking it. */
     peek(world, time) {
       const kept = [this.pose, this.driven, this.place, this.mode];
+      const restore = this.lidar && this.lidar.keep();
       const states = [this.state, this.stageState].map((one) => Float64Array.from(one.values));
       const frame = this.step(world, time);
       [this.pose, this.driven, this.place, this.mode] = kept;
       [this.state, this.stageState].forEach((one, i) => one.values.set(states[i]));
+      if (restore) restore();
       return frame;
     }
 
@@ -224,6 +236,20 @@ const Pilot = (() => {
     takeOver(other) {
       Object.assign(this, { pose: [...other.pose], driven: [...other.driven], place: other.place, mode: other.mode });
       this.kernel.set_driven(this.state, ...this.driven);
+      if (this.lidar && other.lidar) this.lidar.takeOver(other.lidar);
+    }
+
+    /** What its LiDAR has made known at the step of a frame, world frame. */
+    perceived({ x, y, heading }) {
+      const [c, s] = [Math.cos(heading), Math.sin(heading)];
+      const turned = (a, b) => [c * a - s * b, s * a + c * b];
+      const rows = ({ rows: many, columns, values }) => Array.from({ length: many }, (_, i) => values.subarray(columns * i, columns * (i + 1)));
+      const at = ([a, b]) => turned(a, b).map((value, k) => value + [x, y][k]);
+      const [points, capsules] = this.seen.map(rows);
+      return {
+        points: points.map(at), discs: capsules.map((row) => [...at(row), row[RADIUS]]), velocities: capsules.map((row) => turned(row[V_X], row[V_X + 1])),
+        walls: [], polygons: [], scan: this.lidar.echoes(), free: this.lidar.free(), ...this.nearest(this.seen, [x, y, heading]),
+      };
     }
   }
 

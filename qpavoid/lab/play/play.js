@@ -9,13 +9,14 @@ const Play = (() => {
   const STRIPS = 100;  // ms between two drawings of strips and words
   const LONGEST = 600;  // s of a recording
   const HUES = { "qp-repulsion": "--other2", "qp-ahead+guide": "--other1" };
+  const VIEW = "lidar.field_of_view_rad";
   const CART = [[-0.4, -0.25], [0.4, -0.25], [0.4, 0.25], [-0.4, 0.25]];
 
   const hue = (method) => HUES[method] || `--${method}`;
   const reduced = matchMedia("(prefers-reduced-motion: reduce)");
 
   let [module, scene, world, view] = [null, null, null, null];
-  let [robot, settings, station, left] = [null, {}, null, null];  // left: places on the way, by method
+  let [robot, settings, lidar, station, left] = [null, {}, false, null, null];  // left: places on the way, by method
   let [k, running, speed, focus] = [0, false, 1, null];
   let [recording, history, notes, recorded] = [false, [], [], null];
   let [chosen, sketch, owed, before, shownAt] = [null, null, 0, null, 0];
@@ -38,7 +39,7 @@ const Play = (() => {
   function setup(method) {
     const plan = station ? [...station, 0, 0, ...station, 0, 0] : Robots.reals(scene.plan);
     return {
-      module, method, robot, settings, dt: dt(), plan, lags: scene.lags, entries: data.settings, sizes: data.sizes,
+      module, method, robot, settings, lidar, dt: dt(), plan, lags: scene.lags, entries: data.settings, sizes: data.sizes,
       law: Robots.reals(station ? scene.station : scene.law), start: station || scene.start, guided: scene.guided,
     };
   }
@@ -153,19 +154,27 @@ const Play = (() => {
   }
 
   const setView = (other) => { view = other; dirty = true; };
-  const onlyPoints = () => ({ vertices: robot.vertices, points: world.of("point").map(({ x, y }) => [x, y]), walls: world.shown(time()).walls, path: pathOf() });
+
+  /** A frame among the obstacles of which its robot knows, and these as panels want them. */
+  function known({ frame, robot: pilot }) {
+    const { points, walls } = world.shown(time());
+    const seen = lidar ? pilot.perceived(frame) : { points, walls };
+    return [{ ...frame, ...seen }, { vertices: robot.vertices, path: pathOf(), points: seen.points, walls: seen.walls }];
+  }
 
   function drawTop(one) {
     const canvas = $("top");
+    const [frame, shown] = known(one);
     const others = names().filter((name) => name !== focus).map((name) => {
       const { frame, trail } = pilots.get(name);
       return { vertices: robot.vertices, frame, trail, color: hue(name) };
     });
-    Panels.top(canvas, onlyPoints(), one.frame, { view, trail: one.trail, color: hue(focus), others });
+    Panels.top(canvas, shown, frame, { view, trail: one.trail, color: hue(focus), others });
     const g = canvas.getContext("2d");
     const px = ([x, y]) => Panels.toPixel(canvas, view, x, y);
+    if (lidar) drawSenses(g, px, frame);
     const thing = world.find(chosen);
-    if (thing) mark(g, px, thing);
+    if (thing) mark(g, px, thing, "--link", 3);
     if (sketch) Pen.line(g, sketch.map(px), "--link", 3, [6, 4]);
     if (app.cross) {
       const [x, y] = px(app.cross);
@@ -174,12 +183,30 @@ const Play = (() => {
     }
   }
 
-  function mark(g, px, thing) {
-    if (thing.kind === "wall") Pen.line(g, [px([thing.x1, thing.y1]), px([thing.x2, thing.y2])], "--link", 7);
+  function mark(g, px, thing, hue, width) {
+    if (thing.kind === "wall") Pen.line(g, [px([thing.x1, thing.y1]), px([thing.x2, thing.y2])], hue, 2 * width + 1);
     else if (thing.kind === "cart") {
       const corners = World.cornersOf(thing, time()).map(px);
-      Pen.line(g, [...corners, corners[0]], "--link", 3);
-    } else Pen.dot(g, px([thing.x, thing.y]), Math.max(thing.radius * view.scale, 3) + 4, null, "--link");
+      Pen.line(g, [...corners, corners[0]], hue, width);
+    } else Pen.dot(g, px([thing.x, thing.y]), Math.max(thing.radius * view.scale, 3) + width + 1, null, hue);
+  }
+
+  /** Velocities over all else; below it the scan, what is there, and the ever-free space. */
+  function drawSenses(g, px, { x, y, discs, velocities, scan, free }) {
+    discs.forEach(([a, b], i) => {
+      const [v_x, v_y] = velocities[i];
+      const tip = [a + v_x, b + v_y];
+      const barbs = [-0.4, 0.4].map((turn) => [tip[0] - 0.25 * (v_x * Math.cos(turn) - v_y * Math.sin(turn)), tip[1] - 0.25 * (v_x * Math.sin(turn) + v_y * Math.cos(turn))]);
+      Pen.line(g, [[a, b], tip, barbs[0], tip, barbs[1]].map(px), "--active", 2.5);
+    });
+    g.globalCompositeOperation = "destination-over";
+    world.things.forEach((thing) => mark(g, px, thing, "--muted", 1));
+    Pen.line(g, [[x, y], ...scan, [x, y]].map(px), "--link", 0.7);
+    const cells = new Path2D();
+    for (const [left, low, length, width] of free) cells.rect(...px([left, low]), length * view.scale, -width * view.scale);
+    g.fillStyle = Pen.color("--grid");
+    g.fill(cells);
+    g.globalCompositeOperation = "source-over";
   }
 
   function drawStrips() {
@@ -231,7 +258,7 @@ const Play = (() => {
     $("focus").title = data.methods[focus];
     $("swatch").style.background = `var(${hue(focus)})`;
     $("status").textContent = frame.status;
-    $("words").textContent = Panels.words(frame, onlyPoints());
+    $("words").textContent = Panels.words(...known(pilots.get(focus)));
     $("words").setAttribute("aria-live", running ? "off" : "polite");
     for (const [name, row] of tableRows) {
       const one = pilots.get(name);
@@ -384,10 +411,12 @@ const Play = (() => {
     made.duration_s = begun ? time(history.length - 1) : scene.duration;
     made.dt_s = dt();
     if (station) Object.assign(made, { reference: { kind: "station", pose: start }, tracking: { ...made.tracking, station_keeping: true } });
+    for (const section of ["lidar", "perception"]) made[section] = { ...scene.document[section] };
     for (const { section, key } of data.settings) {
       const name = `${section}.${key}`;
       if (settings[name] !== finite(scene.settings)[name]) made[section] = { ...made[section], [key]: settings[name] };
     }
+    if (!lidar) ["lidar", "perception"].forEach((section) => delete made[section]);
     made.robot = { ...made.robot, ...robotTable() };
     made.obstacles = Toml.obstacles(world, now, dt());
     const left = scene.left_out.length ? [`not played: ${scene.left_out.join(", ")}`] : [];
@@ -454,6 +483,14 @@ const Play = (() => {
   function showForm() {
     const usual = { ...finite(scene.settings), ...limitValues(Robots.reals(scene.robot.limits)) };
     Form.show($("settings"), { ...settings, ...limitValues(robot.limits) }, usual);
+    const degrees = Math.round((settings[VIEW] * 180) / Math.PI);
+    [$("sees").value, $("view").value, $("degrees").textContent] = [lidar ? "lidar" : "truth", degrees, `${degrees}°`];
+    $("field").hidden = !lidar;
+  }
+
+  function sense(on) {
+    lidar = on;
+    changedBy(`sees ${on ? "by LiDAR" : "true obstacles"}`);
   }
 
   function robotForm() {
@@ -515,6 +552,7 @@ const Play = (() => {
   function load(i) {
     scene = data.scenes[i];
     [settings, robot, station] = [finite(scene.settings), Robots.given(scene.robot), null];
+    lidar = scene.lidar;
     world = new World.Scene(scene.obstacles);
     [view, chosen, recorded, history, notes, k, past] = [null, null, null, [], [], 0, []];
     drive(names().length ? names() : data.chosen, true);
@@ -582,6 +620,8 @@ const Play = (() => {
     $("reset").onclick = () => restart();
     $("speed").onchange = () => { speed = Number($("speed").value); };
     $("drive").onclick = park;
+    $("sees").onchange = () => sense($("sees").value === "lidar");
+    $("view").oninput = () => change(VIEW, (Number($("view").value) * Math.PI) / 180);
     $("record").onclick = record;
     $("save").onclick = save;
     $("fit").onclick = fit;
@@ -634,6 +674,7 @@ const Play = (() => {
     advance(steps) { for (let i = 0; i < steps; i++) step(); look(); },
     frames: () => frames, time: () => (scene ? time() : 0), running: () => running,
     frame: (name = focus) => pilots.get(name).frame, last: (name = focus) => past.at(-1).frames.get(name), toggle,
+    known: (name = focus) => known(pilots.get(name))[0], sense,
     kept: (name) => past.map(({ frames: at }) => at.get(name)), pose: (name = focus) => [...pilots.get(name).robot.pose],
     things: () => world.things, methods: names, settings: () => settings, scenario,
     restart, run, misfit: (one) => Rules.misfit(one, dt()),

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import qpavoid.export.wasm
 import qpavoid.guide.guide
+import qpavoid.lab.sensing.lidar
 import qpavoid.lab.simulation.loop
 from qpavoid.compiled import ENTRIES
 from qpavoid.export.values import TEMPLATES
@@ -23,11 +24,12 @@ BUILT = Path(__file__).with_name("built")
 """Where :func:`build` puts them when a wheel is made; not there in a source tree."""
 
 SOURCES = (
-    *(qpavoid.guide.guide.__file__, qpavoid.lab.simulation.loop.__file__),
+    qpavoid.guide.guide.__file__,
+    qpavoid.lab.sensing.lidar.__file__,
+    qpavoid.lab.simulation.loop.__file__,
     qpavoid.export.wasm.__file__,
 )
-"""The entries are those of the first two, and of all that they import; the last one
-writes them."""
+"""Modules of the entries, with all that they import, and the one that writes them."""
 
 
 class Program(NamedTuple):

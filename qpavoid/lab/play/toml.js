@@ -12,7 +12,7 @@ const Toml = (() => {
     return /[.e]/.test(text) ? text : `${text}.0`;
   }
 
-  const WHOLE = new Set(["seed", "count", "world"]);
+  const WHOLE = new Set(["seed", "count", "world", "beams"]);
 
   function inline(value, key) {
     if (Array.isArray(value)) return `[${value.map((one) => inline(one, key)).join(", ")}]`;

@@ -135,6 +135,70 @@ def test_it_drives_as_run_does(browser, config, tmp_path, name):
         assert same >= (10 if name == "parked" else 100), (method, same)
 
 
+WALKER = """
+[[obstacles]]
+kind = "waypoints"
+times_s = [0.0, 14.0]
+positions_m = [[4.0, 0.2], [-4.4, 0.2]]
+radius_m = 0.25
+[[obstacles]]
+kind = "polygon"
+vertices_m = [[-6.0, -3.5], [-5.5, -3.5], [-5.5, 3.5], [-6.0, 3.5]]
+[[obstacles]]
+kind = "wall"
+start_m = [4.5, -4.0]
+end_m = [4.5, 4.0]
+"""
+PASSED = PARKED.split("[[obstacles]]")[0] + WALKER  # at 0.6 m/s, past the parked robot
+
+LIDARS = {
+    "all round": "",
+    "270 degrees, late": "field_of_view_rad = 4.71\nmount_x_m = 0.3\nlatency_s = 0.05",
+    "points": "perception = false",
+}
+
+
+@needs_program
+@pytest.mark.parametrize("lidar", LIDARS)
+def test_by_lidar_it_drives_as_run_does(browser, config, tmp_path, lidar):
+    """Until a last bit decides which side the robot takes."""
+    config.write_text(f"{PASSED}\n[lidar]\nnoise_m = 0.0\n{LIDARS[lidar]}")
+    with played(browser, config, tmp_path) as page:
+        assert page.input_value("#sees") == "lidar"
+        told = page.evaluate(DRIVE, [["qp-ahead"], 130])["qp-ahead"]
+    log = run(load_scenario(config), "qp-ahead")
+    assert assert_same(told[:120], log) >= 70
+    assert abs(log["v_mps"][:120]).max() > 0.02, "the walker has been noticed"
+
+
+@needs_program
+def test_by_lidar_a_parked_robot_lets_a_walker_pass(browser, config, tmp_path):
+    """Its velocity is known within 0.1 m/s, with noise; the robot comes back."""
+    config.write_text(PASSED)
+    file, found = tmp_path / "lidar.toml", []
+    with played(browser, config, tmp_path) as page:
+        assert not page.is_visible("#view")
+        page.select_option("#sees", "lidar")
+        page.evaluate("play.restart()")
+        for _ in range(12):
+            page.evaluate("play.advance(50)")
+            known = page.evaluate("play.known('qp-ahead')")
+            found.append((known["discs"], known["velocities"]))
+        frames = page.evaluate("play.kept('qp-ahead')")
+        page.locator("#view").fill("270")
+        ends = np.array(page.evaluate("play.known().scan")) - frames[-1]["xr"]
+        told = saved(page, file)
+    errors = [math.hypot(v + 0.6, w) for _, moving in found for v, w in moving]
+    assert len(errors) >= 8 and np.quantile(errors, 0.8) < 0.1
+    away = [math.hypot(frame["x"], frame["y"]) for frame in frames]
+    assert max(away) > 0.3 and away[-1] < 0.05
+    assert min(frame["clearance"] for frame in frames) > 0.05
+    bearings = np.degrees(np.arctan2(*ends.T[::-1]) - frames[-1]["heading"])
+    assert len(ends) == 360 and np.ptp((bearings + 180.0) % 360.0) < 271.0
+    assert told["lidar"] == {"field_of_view_rad": pytest.approx(1.5 * math.pi)}
+    assert load_scenario(file).lidar.perception
+
+
 @needs_program
 def test_a_drag_is_recorded_and_run_again(browser, config, tmp_path):
     with played(browser, config, tmp_path) as page:
