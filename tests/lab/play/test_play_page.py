@@ -152,23 +152,24 @@ end_m = [4.5, 4.0]
 PASSED = PARKED.split("[[obstacles]]")[0] + WALKER  # at 0.6 m/s, past the parked robot
 
 LIDARS = {
-    "all round": "",
-    "270 degrees, late": "field_of_view_rad = 4.71\nmount_x_m = 0.3\nlatency_s = 0.05",
-    "points": "perception = false",
+    "": 125,
+    "field_of_view_rad = 4.71\nmount_x_m = 0.3\nlatency_s = 0.05": 125,
+    "perception = false": 400,
 }
+"""Steps, of which the last 30 or more are driven."""
 
 
 @needs_program
-@pytest.mark.parametrize("lidar", LIDARS)
-def test_by_lidar_it_drives_as_run_does(browser, config, tmp_path, lidar):
+@pytest.mark.parametrize(("lidar", "steps"), LIDARS.items())
+def test_by_lidar_it_drives_as_run_does(browser, config, tmp_path, lidar, steps):
     """Until a last bit decides which side the robot takes."""
-    config.write_text(f"{PASSED}\n[lidar]\nnoise_m = 0.0\n{LIDARS[lidar]}")
+    config.write_text(f"{PASSED}\n[lidar]\nnoise_m = 0.0\n{lidar}")
     with played(browser, config, tmp_path) as page:
         assert page.input_value("#sees") == "lidar"
-        told = page.evaluate(DRIVE, [["qp-ahead"], 130])["qp-ahead"]
+        told = page.evaluate(DRIVE, [["qp-ahead"], steps])["qp-ahead"]
     log = run(load_scenario(config), "qp-ahead")
-    assert assert_same(told[:120], log) >= 70
-    assert abs(log["v_mps"][:120]).max() > 0.02, "the walker has been noticed"
+    assert assert_same(told, log) >= 80
+    assert np.count_nonzero(log["v_mps"][:steps]) > 30
 
 
 @needs_program
