@@ -208,6 +208,11 @@ class Perception:
         self._stamps: dict[str, float] = {}
         self._scan: Scan | None = None
 
+    def set_lidar(self, sensor: str, lidar: Lidar) -> None:
+        """Add a sensor, or replace one whose geometry has changed; the map stays."""
+        self.lidars[sensor] = lidar
+        self._devices.pop(sensor, None)
+
     def update(
         self,
         ranges: npt.ArrayLike | None = None,

@@ -43,6 +43,7 @@ from qpavoid.ros.messages import (
     read_twist,
     seconds,
 )
+from qpavoid.ros.perceiver import NodePerception, Perceiver
 from qpavoid.settings import want
 from qpavoid.types import Array, Pose, Twist
 
@@ -69,12 +70,20 @@ TELL = Fault.INVALID, Fault.BLIND, Fault.IMPLAUSIBLE, Fault.JUMPED
 """Faults whose reason is in the errors of their topic."""
 
 
+BESIDE = 0.02
+"""m; echoes so near to the outline count beside the perceived obstacles, which leave
+out all that is inside."""
+
+NO_ODOMETRY = "no topic of odometry: all that scans and clouds show counts as at rest"
+
+
 class GuardSetup(NamedTuple):
     """Settings that can change at run time; ``dt`` is the control step."""
 
     robot: Robot
     settings: AvoidanceSettings
     freshness: Freshness
+    perception: NodePerception = NodePerception()
 
 
 class Wiring(NamedTuple):
@@ -83,7 +92,8 @@ class Wiring(NamedTuple):
     Attributes:
         scans: Topics of ``LaserScan``.
         clouds: Topics of ``PointCloud2``.
-        odometry: Of ``Odometry``; without it the last twist counts as driven.
+        odometry: Of ``Odometry``; without it the last twist counts as driven, and all
+            echoes as at rest.
         tracks: Of tracked discs, see :mod:`qpavoid.ros.messages`.
         height_min_m: Points of clouds below this over the base's origin are floor.
         height_max_m: Points above this are ignored: they pass over the robot.
@@ -210,6 +220,7 @@ class Guard:
         driven: (v, ω) given last.
         sensors: Transforms of the sensors' frames, by the wiring.
         frames: All other frames, by tf.
+        perceiver: Map and tracks of scans and clouds.
         errors: Last error by topic.
     """
 
@@ -223,7 +234,7 @@ class Guard:
         self._drove, self._filled = False, np.zeros(2, dtype=np.bool_)
         self._unknown, self._notes = dict[str, Array](), dict[str, str]()
         self._unread: dict[str, tuple[Any, float]] = {}
-        self._jumped: dict[str, Fault] = {}
+        self._jumped, self._is_posed = dict[str, Fault](), False
         self._seen: dict[str, Sight | Tracks] = {}
         self._readers: dict[str, Callable[[Any], Sight | Tracks]] = {
             **dict.fromkeys(wiring.scans, read_scan),
@@ -232,6 +243,9 @@ class Guard:
         }
         self.watches = {name: InputWatch(0.0, 0.0) for name in wiring.topics}
         self._command, self.latch = InputWatch(0.0, 0.0), Latch(math.inf)
+        self.perceiver = Perceiver(setup.robot, setup.perception)
+        if setup.perception.enabled and not wiring.odometry:
+            self.errors["perception"] = NO_ODOMETRY
         self.change(setup)
 
     def change(self, setup: GuardSetup) -> None:
@@ -250,6 +264,9 @@ class Guard:
         want(known, f"freshness needs ages above the {held:g} s of a step")
         for watch, age in zip(self.watches.values(), oldest, strict=True):
             watch.oldest, watch.future = age - held, fresh.future
+        outlines = (x.robot.footprint.vertices for x in (self.perceiver, setup))
+        if self.perceiver.settings != setup.perception or not np.array_equal(*outlines):
+            self.perceiver = Perceiver(setup.robot, setup.perception)
         self.setup = setup
         self._command.oldest, self._command.future = fresh.command, fresh.future
         self.latch.steps = fresh.good_steps(dt)
@@ -323,6 +340,7 @@ class Guard:
                 to_world(points, relative(before, ORIGIN)), pose
             )
         self.trail = Trail()
+        self.perceiver.forget()
         self._jumped[self.wiring.odometry] = Fault.JUMPED
         said = f"{leg.length:.3g} m, {leg.turn:.3g} rad in {leg.time:.3g} s"
         self.errors[self.wiring.odometry] = said
@@ -350,7 +368,9 @@ class Guard:
             steady: Time of a monotonic clock, s.
             driven: Measured (v, ω), default the last one given.
         """
-        for topic in tuple(self._unread):
+        posed = self.watches.get(self.wiring.odometry)
+        self._is_posed = posed is not None and posed.fault(now, steady) is None
+        for topic in sorted(self._unread, key=lambda name: self.watches[name].stamp):
             self._read(topic, *self._unread.pop(topic))
         found = {name: watch.fault(now, steady) for name, watch in self.watches.items()}
         faults = {name: fault for name, fault in found.items() if fault is not None}
@@ -470,20 +490,34 @@ class Guard:
             own = self._is_own(topic, flat, near)
         self._notes.pop(topic, None)
         if fan is not None:
-            self._mark(topic, seen, fan)
+            self._mark(topic, seen, fan, place)
+            fan = fan._replace(ranges=fan.ranges.copy())
+            fan.ranges[np.flatnonzero(np.isfinite(fan.ranges))[own | inside]] = np.nan
         if (inside & ~own).any():
             self._note(topic, "a point has entered the outline")
         if blind:
             self._judge(topic, Fault.BLIND, f"{valid:.0%} valid")
+        else:
+            around = seen._replace(points=flat[~(own | inside)], fan=fan)
+            self._perceive(topic, around, place)
         return seen._replace(points=flat[~own], after=seen.after[: len(own)][~own])
 
-    def _mark(self, topic: str, seen: Sight, fan: Fan) -> None:
+    def _perceive(self, topic: str, seen: Sight, place: Transform) -> None:
+        """Enter a sensor's message into the map if the robot's pose is known."""
+        if self._is_posed and self.setup.perception.enabled:
+            said = self.perceiver.take(topic, seen, place, self.trail)
+            if said:
+                self._note(topic, said)
+        else:
+            self.perceiver.taken.discard(topic)
+
+    def _mark(self, topic: str, seen: Sight, fan: Fan, place: Transform) -> None:
         """Bound the unknown sectors of a scan by static points on the ground.
 
         Points seen there last, and the border of the stopping distance. Each is removed
         when its bearing is known again, or the robot has left it.
         """
-        place, least = self._place(seen), math.radians(self.wiring.blind_sector_deg)
+        least = math.radians(self.wiring.blind_sector_deg)
         beams = unknown_sectors(fan, place, self._boxes, least)
         before, last = self._unknown.pop(topic, NO_POINTS), self._seen.get(topic)
         if not beams.any():
@@ -521,16 +555,25 @@ class Guard:
         return self.watches[topic].judge(fault)
 
     def _obstacles(self, now: float) -> Obstacles:
-        """Return all obstacles in the present robot frame."""
-        here, points, capsules = self.trail.at(now), [NO_POINTS], NO_CAPSULES
-        for seen in self._seen.values():
+        """Return all obstacles in the present robot frame.
+
+        Of a message in the map only echoes in the outline are added to the map's.
+        """
+        here, others = self.trail.at(now), NO_OBSTACLES
+        ground, near = [*self._unknown.values()], [NO_POINTS]
+        for topic, seen in self._seen.items():
             if isinstance(seen, Sight):
-                points.append(self._standing(seen))
+                is_in_map = topic in self.perceiver.taken
+                (near if is_in_map else ground).append(self._standing(seen))
             elif len(seen.discs):
                 then = self.trail.at(seen.stamp)
-                capsules = self._tracked(seen, then).seen_from(here).capsules
-        ground = np.vstack([*points, *self._unknown.values()])
-        return Obstacles.of(to_world(ground, relative(here, ORIGIN)), capsules)
+                others = self._tracked(seen, then).seen_from(here)
+        back, found = relative(here, ORIGIN), self.perceiver.obstacles(now, here)
+        beside = to_world(np.vstack(near), back)
+        beside = beside[within(self.setup.robot.footprint, beside, BESIDE)]
+        static = to_world(np.vstack([NO_POINTS, *ground]), back)
+        points = np.vstack([static, beside, found.points])
+        return Obstacles.of(points, found.capsules).joined(others)
 
     def _standing(self, seen: Sight) -> Array:
         """Return a sensor's points (n, 2) on the ground, m."""

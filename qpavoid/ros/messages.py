@@ -58,14 +58,21 @@ class Fan(NamedTuple):
     Attributes:
         first: Angle of the first, rad.
         step: Angle from one to the next, rad, not 0 if there are two.
-        unknown: (n,) Whether a beam is neither an echo nor free.
+        ranges: (n,) m; ``inf``: free; NaN: unknown.
         span: Time from the first to the last, s.
+        far: Greatest range, m.
     """
 
     first: float
     step: float
-    unknown: npt.NDArray[np.bool_]
+    ranges: Array
     span: float = 0.0
+    far: float = math.inf
+
+    @property
+    def unknown(self) -> npt.NDArray[np.bool_]:
+        """(n,) Whether a beam is neither an echo nor free."""
+        return np.isnan(self.ranges)
 
 
 class Sight(NamedTuple):
@@ -118,20 +125,19 @@ def read_scan(message: Any) -> Sight:
     near, far = float(message.range_min), float(message.range_max)
     fan = _fan(message, ranges)
     want(0.0 <= near < far, "a scan needs finite angles, 0 <= min < max")
-    near = max(near, NO_RETURN)
-    close = ranges == -np.inf
-    free = (ranges == np.inf) | (ranges > far * (1.0 + RANGE_ROUNDING))
-    echo = ((ranges >= near) & ~free) | close
-    beams = np.flatnonzero(echo)
-    angles = fan.first + fan.step * beams
-    distances = np.where(close, near, ranges)[echo]
+    near, known = max(near, NO_RETURN), fan.ranges
+    known[ranges >= near] = ranges[ranges >= near]
+    known[ranges > far * (1.0 + RANGE_ROUNDING)] = np.inf
+    known[ranges == np.inf], known[ranges == -np.inf] = np.inf, near
+    beams = np.flatnonzero(np.isfinite(known))
+    angles, distances = fan.first + fan.step * beams, known[beams]
     points = np.zeros((len(distances), 3))
     points[:, 0], points[:, 1] = distances * np.cos(angles), distances * np.sin(angles)
-    valid = float((echo | free).mean()) if len(ranges) else 0.0
+    valid = 1.0 - float(fan.unknown.mean()) if len(ranges) else 0.0
     same = np.count_nonzero(distances == np.median(distances)) if len(distances) else 0
     stuck = len(ranges) > 2 and same >= STUCK_SHARE * len(ranges)
-    fan = fan._replace(unknown=~(echo | free))
     after = beams * np.float64(fan.span / max(len(ranges) - 1, 1))
+    fan = fan._replace(far=far)
     return Sight(*_header(message), points, after, valid, bool(stuck), fan)
 
 
@@ -143,7 +149,7 @@ def _fan(message: Any, ranges: Array) -> Fan:
     known = math.isfinite(first) and math.isfinite(first + step * many)
     want(known and math.isfinite(message.range_min), "a scan needs finite angles")
     if many < 2:
-        return Fan(first, step, np.ones(many, dtype=np.bool_))
+        return Fan(first, step, np.full(many, np.nan))
     want(step != 0.0, "a scan needs an angle_increment")
     last = first + step * (many - 1)
     told = float(getattr(message, "angle_max", 0.0)) or last  # 0: not filled in
@@ -153,7 +159,7 @@ def _fan(message: Any, ranges: Array) -> Fan:
     whole = float(getattr(message, "scan_time", 0.0))
     fits = abs(span) <= MOST_SPAN and not 0.0 < whole * MOST_TURNS < abs(span)
     want(fits, f"time_increment makes a scan of {span:.3g} s; scan_time is {whole:.3g}")
-    return Fan(first, step, np.ones(many, dtype=np.bool_), span)
+    return Fan(first, step, np.full(many, np.nan), span)
 
 
 def read_cloud(message: Any) -> Sight:
