@@ -166,6 +166,8 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         PARAMS,
         option("--robot R", "see list robots; or LENGTH,WIDTH in m", "mir100"),
         option("--command-topic T", "of the recorded commands", ""),
+        option("--odometry-topic T", "Odometry or PoseStamped of the robot", ""),
+        option("--raw", "without perception: all echoes at rest"),
         option(
             "--allow-changed SHARE",
             "exit code 3 where more is changed, such as 2%%",

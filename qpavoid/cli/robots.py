@@ -3,14 +3,20 @@
 import sys
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from qpavoid.cli.output import UsageError, give, show_table, told_by
-from qpavoid.errors import InvalidInputError, QPAvoidError, UnknownNameError
+from qpavoid.errors import (
+    DataError,
+    InvalidInputError,
+    QPAvoidError,
+    UnknownNameError,
+)
 
 WORST = 10
-"""Changed stretches that are printed."""
+"""Rows of a table that are printed."""
 
 
 def ros(options: Namespace) -> int:
@@ -80,13 +86,18 @@ def _replayed(options: Namespace) -> int:
     params = options.params
     told = None if params is None else read_parameters(parameter_file(params))
     wiring = None if told is None else told.wiring
-    drive = bag_drive(options.bag, wiring, options.command_topic)
+    topics = options.command_topic, options.odometry_topic
+    drive, allowed = bag_drive(options.bag, wiring, *topics), options.allow_changed
+    if allowed is not None and not drive.has_commands:
+        raise DataError(f"{options.bag}: no commands for --allow-changed")
     setup = told.setup if told else setup_for(drive, robot)
+    if options.raw:
+        raw = replace(setup.perception, enabled=False)
+        setup = setup._replace(perception=raw)
     replayed = replay(drive, setup)
     found = summary(replayed)
     paths = save(replayed, drive, options.out)
     give(options, found | {"files": paths}, lambda: _say(found, paths))
-    allowed = options.allow_changed
     if allowed is not None and replayed.changed > allowed:
         print(f"more than the {allowed:.2%} that are allowed", file=sys.stderr)
         return 3
@@ -122,17 +133,24 @@ def identify(options: Namespace) -> int:
 
 
 def _say(found: dict[str, Any], paths: Sequence[Path]) -> None:
-    """Print the numbers of a replay, its longest changed stretches, and its files."""
-    many, why = found["changed"], found["why"]
-    print(
-        f"{many} of {found['commands']} commands changed "
-        f"({found['share_changed']:.2%}) in {found['seconds']:.0f} s; "
-        + ", ".join(f"{word}: {count}" for word, count in why.items())
-    )
-    for word, reason in found["reasons"].items():
-        print(f"{word}: {reason}")
-    worst = sorted(found["episodes"], key=lambda one: -one["commands"])[:WORST]
+    """Print the numbers of a replay, its movers, its changed stretches, its files."""
+    movers = found["movers"]
+    print(f"{len(movers)} movers in {found['scans']} scans, {found['seconds']:.0f} s")
+    _show_most(movers, "lasts_s")
+    if "commands" in found:
+        print(
+            f"{found['changed']} of {found['commands']} commands changed "
+            f"({found['share_changed']:.2%}); "
+            + ", ".join(f"{word}: {count}" for word, count in found["why"].items())
+        )
+        for word, reason in found["reasons"].items():
+            print(f"{word}: {reason}")
+        _show_most(found["episodes"], "commands")
+    print(*found["notes"], *paths, sep="\n")
+
+
+def _show_most(rows: Sequence[dict[str, Any]], key: str) -> None:
+    """Print a table of the rows with the greatest values of a key."""
+    worst = sorted(rows, key=lambda one: -one[key])[:WORST]
     if worst:
-        lines = ([one[key] for key in worst[0]] for one in worst)
-        show_table(list(worst[0]), lines)
-    print(*paths, sep="\n")
+        show_table(list(worst[0]), ([*one.values()] for one in worst))

@@ -14,7 +14,7 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.watch import WAITING
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Footprint, offset_outline
-from qpavoid.model.given import NO_CAPSULES, NO_POINTS
+from qpavoid.model.given import NO_POINTS
 from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import NO_OBSTACLES, Obstacles
 from qpavoid.model.robot import Robot

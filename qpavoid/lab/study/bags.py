@@ -42,6 +42,9 @@ SET_BACK = 1.0
 COMMANDS = "cmd_vel_in", "cmd_vel_nav", "cmd_vel_smoothed", "cmd_vel"
 """How commands are called, the first that there is: before a monitor, then after."""
 
+AT_REST = "at rest"
+"""Topic of the odometry of a robot without one."""
+
 MOST_BAG = 100_000_000_000
 """Bytes of a file of a bag; only the chosen messages are held."""
 
@@ -68,27 +71,31 @@ class Recording(NamedTuple):
         static: What it says of fixed frames, ``tf2_msgs/TFMessage``.
         events: In the order of time.
         name: Of the file or folder.
+        notes: Assumptions about what is not in it.
     """
 
     wiring: Wiring
     static: Sequence[Any]
     events: Sequence[Event]
     name: str = "drive"
+    notes: tuple[str, ...] = ()
+
+    @property
+    def has_commands(self) -> bool:
+        """Whether it has a desired twist."""
+        return any(event.topic == "command" for event in self.events)
 
 
-def _head(time: float, frame: str) -> SimpleNamespace:
-    whole = math.floor(time)
-    stamp = SimpleNamespace(sec=whole, nanosec=round((time - whole) * 1e9))
-    return SimpleNamespace(stamp=stamp, frame_id=frame)
-
-
-def bag_drive(path: Path, wiring: Wiring | None, command: str) -> Recording:
-    """Return a bag.
+def bag_drive(
+    path: Path, wiring: Wiring | None, command: str, odometry: str = ""
+) -> Recording:
+    """Return a bag; one without commands as :func:`perceivable` makes it.
 
     Args:
         path: Of the folder, or the file.
         wiring: What of it counts; None: all its scans, and its odometry.
         command: Topic of the desired twists; empty: the first of :data:`COMMANDS`.
+        odometry: Topic of ``Odometry`` or ``PoseStamped``; empty: as in the wiring.
 
     Raises:
         DataError: It cannot be read, or lacks a topic.
@@ -97,14 +104,67 @@ def bag_drive(path: Path, wiring: Wiring | None, command: str) -> Recording:
     chosen: list[Wiring] = [] if wiring is None else [wiring]
 
     def choose(held: dict[str, str]) -> dict[str, str]:
-        if not chosen:
-            chosen.append(_found(held))
-        topics = {_topic(name, held): name for name in chosen[0].topics}
+        wired = chosen.pop() if chosen else _found(held)
+        wired = wired._replace(odometry=odometry or wired.odometry)
+        chosen.append(wired)
+        topics = {_topic(name, held): name for name in wired.topics}
         moving = {MOVING: "tf"} if MOVING in held else {}
-        return topics | moving | {_topic(command or _commands(held), held): "command"}
+        desired = command or _commands(held)
+        named = {_topic(desired, held): "command"} if desired else {}
+        return topics | moving | named
 
     static, events = read_bag(path, choose)
-    return Recording(chosen[0], static, events, path.name)
+    poses = {chosen[0].odometry}
+    events = [
+        Event(time, name, _odometry(one.header, one.pose))
+        if name in poses and not hasattr(one, "twist")
+        else Event(time, name, one)
+        for time, name, one in events
+    ]
+    drive = Recording(chosen[0], static, events, path.name)
+    return drive if drive.has_commands else perceivable(drive)
+
+
+def _odometry(header: Any, pose: Any) -> SimpleNamespace:
+    """Return a pose as an ``Odometry`` whose twist is not filled in."""
+    zero = SimpleNamespace(x=0.0, y=0.0, z=0.0)
+    still = SimpleNamespace(twist=SimpleNamespace(linear=zero, angular=zero))
+    return SimpleNamespace(header=header, pose=SimpleNamespace(pose=pose), twist=still)
+
+
+def perceivable(drive: Recording) -> Recording:
+    """Return a drive without commands in the order of its stamps.
+
+    Without odometry the robot stands; the frame of a sensor that no transform places is
+    that of the robot.
+    """
+    wired, events = drive.wiring, list[Event]()
+    moved = [event.message for event in drive.events if event.topic == "tf"]
+    links = [link for one in (*drive.static, *moved) for link in one.transforms]
+    placed = {link.child_frame_id.strip("/") for link in links}
+    placed |= {wired.base_frame, *wired.frames}
+    lost, sensors = dict[str, None](), (*wired.scans, *wired.clouds)
+    zero = SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
+    at_rest = SimpleNamespace(position=zero, orientation=zero)
+    for time, topic, one in drive.events:
+        stamp = time if topic == "tf" else seconds(one.header.stamp)
+        if topic in sensors and one.header.frame_id.strip("/") not in placed:
+            lost[one.header.frame_id] = None
+        if topic in sensors and not wired.odometry:
+            events.append(Event(stamp, AT_REST, _odometry(one.header, at_rest)))
+        events.append(Event(stamp, topic, one))
+    notes = (
+        [f"no transform of {', '.join(lost)}: at the robot's origin"] if lost else []
+    )
+    if not wired.odometry:
+        notes.append("no odometry: the robot is at rest")
+    wired = wired._replace(
+        odometry=wired.odometry or AT_REST,
+        frames=(*wired.frames, *lost),
+        frame_poses=(*wired.frame_poses, *(0.0,) * 6 * len(lost)),
+    )
+    events.sort(key=lambda event: event.time)
+    return drive._replace(wiring=wired, events=events, notes=tuple(notes))
 
 
 def odometry_and_commands(path: Path, command: str) -> list[Event]:
@@ -122,10 +182,10 @@ def odometry_and_commands(path: Path, command: str) -> list[Event]:
         odometry = _found(held).odometry
         if not odometry:
             raise DataError(f"{path}: no {ROS_TYPES['odometry']}")
-        return {
-            odometry: "odometry",
-            _topic(command or _commands(held), held): "command",
-        }
+        desired = command or _commands(held)
+        if not desired:
+            raise DataError(f"{path}: no Twist or TwistStamped")
+        return {odometry: "odometry", _topic(desired, held): "command"}
 
     return read_bag(path, choose)[1]
 
@@ -208,14 +268,11 @@ def _found(held: dict[str, str]) -> Wiring:
 
 
 def _commands(held: dict[str, str]) -> str:
+    """Return the topic of the commands; empty if there is none."""
     kinds = ROS_TYPES["command"], ROS_TYPES["stamped"]
     there = sorted(topic for topic, kind in held.items() if kind in kinds)
     known = [t for name in COMMANDS for t in there if t.rpartition("/")[2] == name]
-    if not [*known, *there]:
-        raise DataError(
-            "no Twist or TwistStamped: name the commands with --command-topic"
-        )
-    return [*known, *there][0]
+    return next(iter([*known, *there]), "")
 
 
 def _stamps(messages: Iterable[tuple[float, str, Any]]) -> dict[str, Array]:
@@ -319,9 +376,9 @@ class BagWriter:
 
     def stamped(self, kind: str, time: float, frame: str) -> Any:
         """Return a blank message with a header."""
-        made = self.blank(kind)
-        head = _head(time, frame)
-        made.header.stamp.sec, made.header.stamp.nanosec = vars(head.stamp).values()
+        made, whole = self.blank(kind), math.floor(time)
+        stamp = made.header.stamp
+        stamp.sec, stamp.nanosec = whole, round((time - whole) * 1e9)
         made.header.frame_id = frame
         return made
 

@@ -1,10 +1,10 @@
-"""A recorded drive through the filter: what it would have changed, when and why.
+"""A recorded drive through the guard of the ROS node (:mod:`qpavoid.ros.guard`).
 
-Not a closed loop. At every recorded command a step of the very guard that the node runs
-(:mod:`qpavoid.ros.guard`) is asked, among what had been received until then, of a robot
-that drives what was recorded: what odometry says, else the command before. Its answer
-goes nowhere. A command beyond the robot's limits is cut to them first. ``changed`` is a
-step whose twist is another one than that, or whose command cannot be read.
+Not a closed loop: the robot drives what was recorded. At every recorded command the
+guard's answer is compared with it, among the obstacles perceived until then; the twist
+driven is that of the odometry, else the command before. A command beyond the robot's
+limits is cut to them first. ``changed`` is a step with another twist, or whose command
+cannot be read. A drive without commands shows perception alone.
 """
 
 import json
@@ -28,9 +28,11 @@ from qpavoid.errors import (
 from qpavoid.files import read_yaml
 from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.study.bags import BagWriter, Event, Recording
+from qpavoid.lab.study.style import BLUE, RED, SKY
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.carmen import LONGEST_ROBOT, hold_time
 from qpavoid.model.footprint import Footprint
+from qpavoid.model.kinematics import to_world
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.ros.guard import Guard, GuardSetup, GuardStep, Wiring
 from qpavoid.ros.messages import read_twist, seconds
@@ -40,15 +42,16 @@ from qpavoid.settings import want
 from qpavoid.types import Array, Pose, Twist
 
 PIONEER = Robot("Pioneer", Footprint.rectangle(0.47, 0.41), Limits.symmetric(1.6, 2.6))
-"""That of Freiburg-079, whose PARAM lines give its size, 0.47 × 0.41 m."""
+"""Its limits are those of a robot given by its size."""
 
 STALE_STEPS = 3.0
-"""Steps; so old may be what is known, where no parameters say."""
-
+"""Greatest age of inputs in steps, where no parameters say."""
 
 UNREAD = "command cannot be read"
-"""Why, where it is not finite; the robot is told to stand."""
+"""Reason of a step whose command is not finite."""
 
+PANELS, REACH = 6, 6.0
+"""Of the figure of perception; m that it shows on each side of the robot."""
 
 OF_CONTENT = {Fault.INVALID, Fault.BLIND, Fault.JUMPED}
 """Faults that the guard has an error text of."""
@@ -68,19 +71,48 @@ class Parameters(NamedTuple):
     setup: GuardSetup
 
 
+class Known(NamedTuple):
+    """Perceived obstacles at a time, frame of the odometry.
+
+    Attributes:
+        time: s.
+        pose: Of the robot.
+        points: (n, 2) at rest, m.
+        discs: (m, 3) x, y, radius of moving ones, m.
+        velocities: (m, 2) theirs, m/s.
+        names: Numbers of their tracks.
+    """
+
+    time: float
+    pose: Pose
+    points: Array
+    discs: Array
+    velocities: Array
+    names: list[int]
+
+
 class Replayed(NamedTuple):
     """Result of a replay.
 
     Attributes:
         rows: A dict a command: time_s, the recorded twist, the given one, why; the
-            pose by odometry.
+            pose by odometry. Without commands one a scan, of time and pose.
         steps: Of the guard, one a row.
+        known: After each scan; empty without perception.
         guard: As it was left.
+        notes: Assumptions about the drive.
     """
 
     rows: list[dict[str, Any]]
     steps: list[GuardStep]
+    known: list[Known]
     guard: Guard
+    notes: list[str]
+
+    @property
+    def has_commands(self) -> bool:
+        """Whether commands were replayed."""
+        return "changed" in self.rows[0]
 
     @property
     def changed(self) -> float:
@@ -152,12 +184,16 @@ def robot_of(text: str) -> Robot:
 def setup_for(drive: Recording, robot: Robot) -> GuardSetup:
     """Return default settings for a drive: its own step, ages that it can keep.
 
+    The step is that of its commands, else of the first topic of scans or clouds.
+
     Raises:
-        DataError: It has fewer than two commands, or they are too far apart.
+        DataError: It has fewer than two of these, or they are too far apart.
     """
-    times = [event.time for event in drive.events if event.topic == "command"]
+    sensor = [*drive.wiring.scans, *drive.wiring.clouds][0]
+    topic = "command" if drive.has_commands else sensor
+    times = [event.time for event in drive.events if event.topic == topic]
     if len(times) < 2:
-        raise DataError("a replay needs two commands or more")
+        raise DataError(f"a replay needs two messages or more on {topic}")
     dt, fresh = max(hold_time(times), 1e-3), Freshness()
     ages = {
         name: max(getattr(fresh, name), STALE_STEPS * dt)
@@ -168,10 +204,10 @@ def setup_for(drive: Recording, robot: Robot) -> GuardSetup:
 
 
 def replay(drive: Recording, setup: GuardSetup) -> Replayed:
-    """Return what the guard makes of every command of a drive.
+    """Return a step of the guard for every command of a drive, else for every scan.
 
     A fault ends with what caused it: the guard does not wait until inputs have been
-    good for a while. Commands before all inputs have been seen once are left out.
+    good for a while. Steps before all inputs have been seen once are left out.
 
     Raises:
         DataError: There are no others, or a topic is stamped by another clock.
@@ -179,37 +215,67 @@ def replay(drive: Recording, setup: GuardSetup) -> Replayed:
     fresh = replace(setup.freshness, good=0.0)
     guard = Guard(setup._replace(freshness=fresh), drive.wiring)
     _want_one_clock(drive, guard)
-    for message in drive.static:
-        guard.frames.add(message, fixed=True)
-    rows, steps, last = [], list[GuardStep](), (0.0, 0.0)
-    for event in drive.events:
-        now = event.time, event.time
-        if event.topic == "tf":
-            guard.frames.add(event.message)
-        elif event.topic != "command":
-            guard.see(event.topic, event.message, *now)
-        if event.topic != "command":
+    sensors, is_new = {*drive.wiring.scans, *drive.wiring.clouds}, False
+    asked = {"command"} if drive.has_commands else sensors
+    notes = [*drive.notes, guard.errors.get("perception", "")]
+    done, last = Replayed([], [], [], guard, [*filter(None, notes)]), (0.0, 0.0)
+    for event in _received(drive, guard):
+        is_new |= event.topic in sensors
+        if event.topic not in asked:
             continue
-        guard.command(event.message, *now)
         driven = guard.trail.twist if drive.wiring.odometry else last
-        step, recorded = guard.step(*now, driven), _recorded(event)
-        last = recorded or (0.0, 0.0)
-        if not drive.wiring.odometry:
-            guard.trail.twist = last
-        if all(map(math.isfinite, step.ages.values())):
-            row = _row(event.time, last, step, setup.robot.limits)
-            row |= _posed(guard.trail.at(event.time))
+        step, row = guard.step(event.time, event.time, driven), dict[str, Any]()
+        if drive.has_commands:
+            recorded = _recorded(event)
+            last = recorded or (0.0, 0.0)
+            row = _row(last, step, setup.robot.limits)
             row["reason"] = _reason(guard, step)
             if recorded is None:
                 why = guard.errors.get("command", UNREAD)
                 row |= {"changed": True, "why": UNREAD, "reason": why}
-            rows.append(row)
-            steps.append(step)
-    if not rows:
+        if not drive.wiring.odometry:
+            guard.trail.twist = last
+        if all(map(math.isfinite, step.ages.values())):
+            place = _posed(guard.trail.at(event.time))
+            done.rows.append({"time_s": event.time} | row | place)
+            done.steps.append(step)
+            done.known.extend(_known(guard, event.time) if is_new else ())
+            is_new = False
+    if not done.rows:
         never = [name for name, age in step.ages.items() if age == math.inf]
         said = "; ".join(f"{name} ({_refusals(guard, name)})" for name in never)
         raise DataError(f"never seen before a command: {said}")
-    return Replayed(rows, steps, guard)
+    if not (done.known or drive.has_commands):
+        said = "; ".join(f"{name}: {why}" for name, why in guard.errors.items())
+        raise DataError(f"neither commands nor perceived obstacles. {said}")
+    return done
+
+
+def _received(drive: Recording, guard: Guard) -> Iterator[Event]:
+    """Yield every event of a drive once the guard has received it."""
+    for message in drive.static:
+        guard.frames.add(message, fixed=True)
+    for event in drive.events:
+        if event.topic == "tf":
+            guard.frames.add(event.message)
+        elif event.topic == "command":
+            guard.command(event.message, event.time, event.time)
+        else:
+            guard.see(event.topic, event.message, event.time, event.time)
+        yield event
+
+
+def _known(guard: Guard, time: float) -> Iterator[Known]:
+    """Yield the perceived obstacles, if there is perception."""
+    explained, pose = guard.perceiver.explain(), guard.trail.at(time)
+    if explained is not None:
+        seen = guard.perceiver.obstacles(time, pose)
+        discs = seen.discs.copy()
+        discs[:, :2] = to_world(discs[:, :2], pose)
+        velocities = to_world(seen.disc_velocities, (0.0, 0.0, pose[2]))
+        names = [track.name for track in explained.tracks if track.confirmed]
+        points = to_world(seen.points, pose)
+        yield Known(time, pose, points, discs, velocities, names)
 
 
 def _want_one_clock(drive: Recording, guard: Guard) -> None:
@@ -265,9 +331,7 @@ def _recorded(event: Event) -> Twist | None:
         return None
 
 
-def _row(
-    time: float, recorded: Twist, step: GuardStep, limits: Limits
-) -> dict[str, Any]:
+def _row(recorded: Twist, step: GuardStep, limits: Limits) -> dict[str, Any]:
     v, omega = recorded
     free = (
         min(max(v, limits.v_min), limits.v_max),
@@ -276,7 +340,6 @@ def _row(
     decision = step.decision
     faults = "; ".join(f"{name} {fault}" for name, fault in step.faults.items())
     return {
-        "time_s": time,
         "v_mps": v,
         "omega_radps": omega,
         "v_given_mps": step.v,
@@ -323,12 +386,54 @@ def _least(rows: Sequence[Mapping[str, Any]]) -> float | None:
     return round(min(known), 4) if known else None
 
 
+def movers(known: Sequence[Known]) -> list[dict[str, Any]]:
+    """Return the moving obstacles at every time, frame of the odometry."""
+    keys = "x_m", "y_m", "radius_m", "v_x_mps", "v_y_mps"
+    return [
+        {"time_s": one.time, "name": name}
+        | dict(zip(keys, (*disc, *velocity), strict=True))
+        for one in known
+        for name, disc, velocity in zip(
+            one.names, one.discs.tolist(), one.velocities.tolist(), strict=True
+        )
+    ]
+
+
+def tracks(known: Sequence[Known]) -> list[dict[str, Any]]:
+    """Return each moving obstacle: when, from where to where, and how fast."""
+    found: dict[int, list[dict[str, Any]]] = {}
+    for row in movers(known):
+        found.setdefault(row["name"], []).append(row)
+    return [
+        {
+            "mover": name,
+            "begins_s": round(some[0]["time_s"] - known[0].time, 3),
+            "lasts_s": round(some[-1]["time_s"] - some[0]["time_s"], 3),
+            "from_m": [round(some[0][key], 2) for key in ("x_m", "y_m")],
+            "to_m": [round(some[-1][key], 2) for key in ("x_m", "y_m")],
+            "median_mps": round(float(np.median([_speed(row) for row in some])), 3),
+        }
+        for name, some in found.items()
+    ]
+
+
+def _speed(row: Mapping[str, Any]) -> float:
+    return math.hypot(row["v_x_mps"], row["v_y_mps"])
+
+
 def summary(replayed: Replayed) -> dict[str, Any]:
-    """Return the numbers of a replay, and its episodes."""
+    """Return the numbers of a replay, its moving obstacles, and its episodes."""
     rows = replayed.rows
-    return {
-        "commands": len(rows),
+    found = {
+        "scans": len(replayed.known),
         "seconds": round(rows[-1]["time_s"] - rows[0]["time_s"], 3),
+        "movers": tracks(replayed.known),
+        "notes": replayed.notes,
+    }
+    if not replayed.has_commands:
+        return found
+    return found | {
+        "commands": len(rows),
         "changed": sum(row["changed"] for row in rows),
         "share_changed": replayed.changed,
         "cut": sum(row["cut"] for row in rows),
@@ -349,12 +454,44 @@ def save(replayed: Replayed, drive: Recording, folder: Path) -> list[Path]:
     ends = "json", "csv", "png"
     told, table, figure = (folder / f"replay.{end}" for end in ends)
     folder.mkdir(parents=True, exist_ok=True)
-    found = summary(replayed)
+    found, written = summary(replayed), [told, table]
     told.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     write_csv(table, replayed.rows)
-    draw(replayed, figure)
+    if replayed.has_commands:
+        draw(replayed, figure)
+        written.append(figure)
+    if found["movers"]:
+        written.append(folder / "movers.csv")
+        write_csv(written[-1], movers(replayed.known))
+    if replayed.known:
+        written.append(folder / "perception.png")
+        draw_known(replayed, written[-1])
     write_bag(replayed, drive, folder / "bag")
-    return [told, table, figure, folder / "bag"]
+    return [*written, folder / "bag"]
+
+
+def draw_known(replayed: Replayed, path: Path) -> None:
+    """Draw the perceived obstacles from above, where most moved of every sixth.
+
+    Arrows are velocities, as the way in 1 s.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Circle
+
+    known, outline = replayed.known, replayed.guard.setup.robot.footprint.vertices
+    parts = filter(len, np.array_split(np.arange(len(known)), PANELS))
+    figure = Figure(figsize=(9, 6.4), layout="constrained")
+    for part, axes in zip(parts, figure.subplots(2, 3).flat, strict=False):
+        one = max((known[k] for k in part), key=lambda each: len(each.discs))
+        axes.scatter(*one.points.T, s=1.5, color="0.5")
+        axes.fill(*to_world(outline, one.pose).T, fc="white", ec="black", lw=1)
+        for (x, y, radius), velocity in zip(one.discs, one.velocities, strict=True):
+            axes.add_patch(Circle((x, y), radius, fc=SKY, ec=BLUE))
+            axes.arrow(x, y, *velocity, color=RED, head_width=0.15)
+        x, y, _ = one.pose
+        axes.set(title=f"{one.time - known[0].time:.1f} s", aspect="equal")
+        axes.set(xlim=(x - REACH, x + REACH), ylim=(y - REACH, y + REACH))
+    figure.savefig(path, dpi=130)
 
 
 def draw(replayed: Replayed, path: Path) -> None:
@@ -394,24 +531,33 @@ def write_bag(replayed: Replayed, drive: Recording, folder: Path) -> None:
             kind = "sensor_msgs/msg/PointCloud2"
             seen = _cloud(bag, bag.stamped(kind, time, base), step.obstacles.points)
             bag.write("/qpavoid/points", kind, time, seen)
-            for name, v, omega in (
-                ("recorded", row["v_mps"], row["omega_radps"]),
-                ("given", step.v, step.omega),
-            ):
-                kind = "geometry_msgs/msg/TwistStamped"
-                twist = bag.stamped(kind, time, base)
-                twist.twist.linear.x, twist.twist.angular.z = v, omega
-                bag.write(f"/qpavoid/{name}", kind, time, twist)
-            kind = "diagnostic_msgs/msg/DiagnosticArray"
-            told = bag.stamped(kind, time, base)
-            told.status = [_status(bag, guard, step)]
-            bag.write("/qpavoid/decision", kind, time, told)
+            if replayed.has_commands:
+                _write_answer(bag, row, step, guard)
             kind = "visualization_msgs/msg/MarkerArray"
             drawn = bag.blank(kind)
             drawn.markers = list(_markers(bag, guard, step, time))
             bag.write("/qpavoid/markers", kind, time, drawn)
             kind = "tf2_msgs/msg/TFMessage"
             bag.write("/tf", kind, time, _frame(bag, drive, row))
+
+
+def _write_answer(
+    bag: BagWriter, row: Mapping[str, Any], step: GuardStep, guard: Guard
+) -> None:
+    """Write a recorded and a given twist, and the decision."""
+    time, base = row["time_s"], guard.wiring.base_frame
+    for name, v, omega in (
+        ("recorded", row["v_mps"], row["omega_radps"]),
+        ("given", step.v, step.omega),
+    ):
+        kind = "geometry_msgs/msg/TwistStamped"
+        twist = bag.stamped(kind, time, base)
+        twist.twist.linear.x, twist.twist.angular.z = v, omega
+        bag.write(f"/qpavoid/{name}", kind, time, twist)
+    kind = "diagnostic_msgs/msg/DiagnosticArray"
+    told = bag.stamped(kind, time, base)
+    told.status = [_status(bag, guard, step)]
+    bag.write("/qpavoid/decision", kind, time, told)
 
 
 def _frame(bag: BagWriter, drive: Recording, row: Mapping[str, Any]) -> Any:
