@@ -14,7 +14,7 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.watch import WAITING
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Footprint, offset_outline
-from qpavoid.model.given import NO_CAPSULES, NO_POINTS
+from qpavoid.model.given import NO_POINTS
 from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import NO_OBSTACLES, Obstacles
 from qpavoid.model.robot import Robot
@@ -264,8 +264,9 @@ class Guard:
         want(known, f"freshness needs ages above the {held:g} s of a step")
         for watch, age in zip(self.watches.values(), oldest, strict=True):
             watch.oldest, watch.future = age - held, fresh.future
-        outlines = (x.robot.footprint.vertices for x in (self.perceiver, setup))
-        if self.perceiver.settings != setup.perception or not np.array_equal(*outlines):
+        before, outline = self.perceiver, setup.robot.footprint.vertices
+        same = np.array_equal(before.robot.footprint.vertices, outline)
+        if not same or before.settings != setup.perception:
             self.perceiver = Perceiver(setup.robot, setup.perception)
         self.setup = setup
         self._command.oldest, self._command.future = fresh.command, fresh.future

@@ -11,7 +11,7 @@ from qpavoid.model.obstacles import NO_OBSTACLES, Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.model.trail import Trail
 from qpavoid.model.transform import Transform
-from qpavoid.perception.perception import Perception
+from qpavoid.perception.perception import Explanation, Perception
 from qpavoid.perception.settings import STEEP, Lidar, NoEcho, PerceptionSettings
 from qpavoid.ros.messages import RANGE_ROUNDING, Fan, Sight
 from qpavoid.types import Array, Pose
@@ -116,6 +116,12 @@ class Perceiver:
         if self.perception is None or not self.taken:
             return NO_OBSTACLES
         return self.perception.obstacles(now, pose)
+
+    def explain(self) -> Explanation | None:
+        """Return map and tracks after the last message; None if none is in the map."""
+        if self.perception is None or not self.taken:
+            return None
+        return self.perception.explain()
 
 
 def planar(fan: Fan, place: Transform) -> tuple[Lidar, Array]:
