@@ -149,13 +149,9 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         from tf2_msgs.msg import TFMessage
 
         for topic, fixed in (("/tf", False), ("/tf_static", True)):
-            call = partial(self._on_frames, guard, fixed)
+            call = partial(guard.frames.add, fixed=fixed)
             qos = LATCHED if fixed else MANY
             self._heard.append(self.create_subscription(TFMessage, topic, call, qos))
-
-    def _on_frames(self, guard: Guard, fixed: bool, message: Any) -> None:
-        """Register a tf message."""
-        guard.frames.add(message, fixed)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish twists from now on; the robot stands until all inputs are valid."""

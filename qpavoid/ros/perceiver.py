@@ -20,7 +20,7 @@ UPRIGHT = math.cos(math.radians(10.0))
 """Cosine of the tilt of a scanner from which on its beams are not in the plane: its
 echoes are then points, and free nothing beyond them."""
 
-FARTHEST, CLOUD_RANGE = 1000.0, 30.0
+SCAN_RANGE, CLOUD_RANGE = 1000.0, 30.0
 """m; greatest range of a scan, and of a cloud."""
 
 LEAST_VIEW = 1e-3
@@ -106,7 +106,6 @@ class Perceiver:
                 twist=(v, omega),
             )
         except InvalidInputError as error:
-            self.taken.discard(topic)
             return f"its echoes count as at rest: {error}"
         self.taken.add(topic)
         return said
@@ -145,7 +144,7 @@ def planar(fan: Fan, place: Transform) -> tuple[Lidar, Array]:
     lidar = Lidar(
         field_of_view=view,
         mount=(*place.translation[:2].tolist(), heading),
-        range_max=min(fan.far * (1.0 + 2.0 * RANGE_ROUNDING), FARTHEST),
+        range_max=min(fan.far * (1.0 + 2.0 * RANGE_ROUNDING), SCAN_RANGE),
         range_min=0.0,
         sweep=-fan.span if is_mirrored else fan.span,
         delay=max(-fan.span, 0.0),
