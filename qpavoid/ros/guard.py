@@ -70,7 +70,7 @@ TELL = Fault.INVALID, Fault.BLIND, Fault.IMPLAUSIBLE, Fault.JUMPED
 """Faults whose reason is in the errors of their topic."""
 
 
-BESIDE = 0.02
+AT_OUTLINE = 0.02
 """m; echoes so near to the outline count beside the perceived obstacles, which leave
 out all that is inside."""
 
@@ -235,7 +235,8 @@ class Guard:
         self._unknown, self._notes = dict[str, Array](), dict[str, str]()
         self._unread: dict[str, tuple[Any, float]] = {}
         self._jumped, self._is_posed = dict[str, Fault](), False
-        self._seen: dict[str, Sight | Tracks] = {}
+        self._stamps, self._ground = dict[str, float](), dict[str, Array]()
+        self._tracks: Tracks | None = None
         self._readers: dict[str, Callable[[Any], Sight | Tracks]] = {
             **dict.fromkeys(wiring.scans, read_scan),
             **dict.fromkeys(wiring.clouds, read_cloud),
@@ -264,8 +265,9 @@ class Guard:
         want(known, f"freshness needs ages above the {held:g} s of a step")
         for watch, age in zip(self.watches.values(), oldest, strict=True):
             watch.oldest, watch.future = age - held, fresh.future
-        outlines = (x.robot.footprint.vertices for x in (self.perceiver, setup))
-        if self.perceiver.settings != setup.perception or not np.array_equal(*outlines):
+        before, outline = self.perceiver, setup.robot.footprint.vertices
+        same = np.array_equal(before.robot.footprint.vertices, outline)
+        if not same or before.settings != setup.perception:
             self.perceiver = Perceiver(setup.robot, setup.perception)
         self.setup = setup
         self._command.oldest, self._command.future = fresh.command, fresh.future
@@ -327,18 +329,16 @@ class Guard:
     def _jump(self, stamp: float, pose: Pose) -> Fault | None:
         """Report a jump of odometry until the next step; start a new pose history.
 
-        Earlier sights count as seen from the new pose. Tracks in the frame that jumped
-        are dropped until the next message.
+        Earlier echoes count as seen from the new pose. The map is begun anew; tracks in
+        the frame that jumped are dropped until the next message.
         """
         leg = self.trail.leg(stamp, pose)
         most = FASTER * self._fastest[1] * leg.time + SPARE
         if leg.time <= 0.0 or (leg.length <= most[0] and leg.turn <= most[1]):
             return None
-        before = self.trail.at(stamp)
-        for topic, points in self._unknown.items():
-            self._unknown[topic] = to_world(
-                to_world(points, relative(before, ORIGIN)), pose
-            )
+        back = relative(self.trail.at(stamp), ORIGIN)
+        for points in (*self._unknown.values(), *self._ground.values()):
+            points[:] = to_world(to_world(points, back), pose)
         self.trail = Trail()
         self.perceiver.forget()
         self._jumped[self.wiring.odometry] = Fault.JUMPED
@@ -399,7 +399,7 @@ class Guard:
         try:
             obstacles = self._obstacles(now)
             # A scan stamped by its last beam is older than its stamp.
-            ages = (max(step.ages[k], now - x.stamp) for k, x in self._seen.items())
+            ages = (max(step.ages[k], now - x) for k, x in self._stamps.items())
             age = max(ages, default=0.0)
             wanted = step.desired
             decision = self.safety.filter(*wanted, obstacles, age=age, driven=driven)
@@ -425,7 +425,7 @@ class Guard:
 
     def _known(self, now: float, faults: Mapping[str, Fault]) -> Obstacles | None:
         """Return all obstacles seen last, if the robot's pose is known."""
-        if not self._seen or self.wiring.odometry in faults:
+        if not self._stamps or self.wiring.odometry in faults:
             return None
         try:
             return self._obstacles(now)
@@ -449,16 +449,18 @@ class Guard:
         """Decode a message; a blind or invalid one is a fault of its topic."""
         try:
             seen = self._readers[topic](message)
-            if isinstance(seen, Sight):
-                seen = self._look(topic, self._begun(topic, seen, now))
-                if self.watches[topic].is_blind:
-                    return
-            elif seen.frame != self.wiring.odom_frame:
-                self._place(seen)
+            if isinstance(seen, Tracks):
+                if seen.frame != self.wiring.odom_frame:
+                    self._place(seen)
+                self._tracks = seen
+            else:
+                seen = self._begun(topic, seen, now)
+                self._look(topic, seen)
         except UNREADABLE as error:
             self._judge(topic, Fault.INVALID, error)
             return
-        self._seen[topic] = seen
+        if not self.watches[topic].is_blind:
+            self._stamps[topic] = seen.stamp
 
     def _begun(self, topic: str, seen: Sight, now: float) -> Sight:
         """Return a scan with the stamp of its first beam; its last has arrived."""
@@ -469,11 +471,11 @@ class Guard:
             latest = seen.stamp - seen.fan.span
         return seen._replace(stamp=min(seen.stamp, latest))
 
-    def _look(self, topic: str, seen: Sight) -> Sight:
-        """Return a sensor's obstacles: points (n, 2) on the base.
+    def _look(self, topic: str, seen: Sight) -> None:
+        """Check a sensor's message; store its echoes, and enter them into the map.
 
-        Checks the sight, learns and removes the robot's own points, marks unknown
-        sectors. Beams that end on the robot, or in its outline, do not count as valid.
+        Learns and removes the robot's own points, marks unknown sectors. Beams that end
+        on the robot, or in its outline, do not count as valid.
         """
         place, outline, fan = self._place(seen), self.setup.robot.footprint, seen.fan
         flat, valid = self._flat(topic, place.apply(seen.points)), seen.valid
@@ -491,25 +493,21 @@ class Guard:
         self._notes.pop(topic, None)
         if fan is not None:
             self._mark(topic, seen, fan, place)
-            fan = fan._replace(ranges=fan.ranges.copy())
             fan.ranges[np.flatnonzero(np.isfinite(fan.ranges))[own | inside]] = np.nan
         if (inside & ~own).any():
             self._note(topic, "a point has entered the outline")
         if blind:
             self._judge(topic, Fault.BLIND, f"{valid:.0%} valid")
-        else:
-            around = seen._replace(points=flat[~(own | inside)], fan=fan)
-            self._perceive(topic, around, place)
-        return seen._replace(points=flat[~own], after=seen.after[: len(own)][~own])
-
-    def _perceive(self, topic: str, seen: Sight, place: Transform) -> None:
-        """Enter a sensor's message into the map if the robot's pose is known."""
+            return
+        after = seen.after[: len(own)][~own]
+        poses = self.trail.along(seen.stamp + after)
+        self._ground[topic] = placed(flat[~own], poses)
+        self.perceiver.taken.discard(topic)
         if self._is_posed and self.setup.perception.enabled:
-            said = self.perceiver.take(topic, seen, place, self.trail)
+            around = seen._replace(points=flat[~(own | inside)])
+            said = self.perceiver.take(topic, around, place, self.trail)
             if said:
                 self._note(topic, said)
-        else:
-            self.perceiver.taken.discard(topic)
 
     def _mark(self, topic: str, seen: Sight, fan: Fan, place: Transform) -> None:
         """Bound the unknown sectors of a scan by static points on the ground.
@@ -519,11 +517,10 @@ class Guard:
         """
         least = math.radians(self.wiring.blind_sector_deg)
         beams = unknown_sectors(fan, place, self._boxes, least)
-        before, last = self._unknown.pop(topic, NO_POINTS), self._seen.get(topic)
+        before = self._unknown.pop(topic, NO_POINTS)
         if not beams.any():
             return
-        if isinstance(last, Sight):
-            before = np.vstack([before, self._standing(last)])
+        before = np.vstack([before, self._ground.get(topic, NO_POINTS)])
         robot, pose = self.setup.robot, self.trail.at(seen.stamp)
         known, away = to_world(before, relative(pose, ORIGIN)), self._away
         kept = np.hypot(*known.T) < robot.footprint.circumradius + away + AROUND
@@ -557,27 +554,21 @@ class Guard:
     def _obstacles(self, now: float) -> Obstacles:
         """Return all obstacles in the present robot frame.
 
-        Of a message in the map only echoes in the outline are added to the map's.
+        Of a message in the map only echoes at the outline are added to the map's.
         """
-        here, others = self.trail.at(now), NO_OBSTACLES
-        ground, near = [*self._unknown.values()], [NO_POINTS]
-        for topic, seen in self._seen.items():
-            if isinstance(seen, Sight):
-                is_in_map = topic in self.perceiver.taken
-                (near if is_in_map else ground).append(self._standing(seen))
-            elif len(seen.discs):
-                then = self.trail.at(seen.stamp)
-                others = self._tracked(seen, then).seen_from(here)
-        back, found = relative(here, ORIGIN), self.perceiver.obstacles(now, here)
-        beside = to_world(np.vstack(near), back)
-        beside = beside[within(self.setup.robot.footprint, beside, BESIDE)]
-        static = to_world(np.vstack([NO_POINTS, *ground]), back)
-        points = np.vstack([static, beside, found.points])
-        return Obstacles.of(points, found.capsules).joined(others)
-
-    def _standing(self, seen: Sight) -> Array:
-        """Return a sensor's points (n, 2) on the ground, m."""
-        return placed(seen.points, self.trail.along(seen.stamp + seen.after))
+        here, tracked = self.trail.at(now), NO_OBSTACLES
+        if self._tracks is not None and len(self._tracks.discs):
+            then = self.trail.at(self._tracks.stamp)
+            tracked = self._tracked(self._tracks, then).seen_from(here)
+        found, back = self.perceiver.obstacles(now, here), relative(here, ORIGIN)
+        points = [found.points]
+        for topic, ground in self._ground.items():
+            echoes = to_world(ground, back)
+            if topic in self.perceiver.taken:
+                echoes = echoes[within(self.setup.robot.footprint, echoes, AT_OUTLINE)]
+            points.append(echoes)
+        points += [to_world(ground, back) for ground in self._unknown.values()]
+        return Obstacles.of(np.vstack(points), found.capsules).joined(tracked)
 
     def _place(self, seen: Sight | Tracks) -> Transform:
         """Return the transform of a sensor's frame; an unknown one is an error."""

@@ -1,18 +1,21 @@
 """ROS 2 node: a lifecycle node in place of Nav2's collision monitor.
 
 Topics ``cmd_vel_in`` → ``cmd_vel_out``; scans, clouds, tracks and odometry as
-:mod:`qpavoid.ros.parameters` names them; ``~/markers``, ``~/latency`` (s, from the
-arrival of a scan to the twist), ``/diagnostics``; an Empty on ``~/acknowledge`` opens
-the latch. A twist is published when a scan arrives and ``dt_s`` has passed since the
-last one, and without a scan after ``dt_s`` (1 + ``actuation.jitter``): without commands
-the robot evades, too. While the node is not active it publishes none.
+:mod:`qpavoid.ros.parameters` names them; ``~/markers``, ``~/local_map``, ``~/latency``
+(s, from the arrival of a scan to the twist), ``/diagnostics``; an Empty on
+``~/acknowledge`` opens the latch. A twist is published when a scan arrives and ``dt_s``
+has passed since the last one, and without a scan after ``dt_s`` (1 +
+``actuation.jitter``): without commands the robot evades, too. While the node is not
+active it publishes none.
 
 rclpy comes with ROS (``Dockerfile`` beside the configurations), from RoboStack's conda
 channel without apt, or from PyPI on x86-64 (``ros-jazzy-rclpy``).
 """
 
+import math
 import signal
 import sys
+from array import array
 from collections import deque
 from collections.abc import Sequence
 from functools import partial
@@ -21,7 +24,7 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point, Twist, TwistStamped
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import OccupancyGrid, Odometry
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -33,6 +36,7 @@ from std_msgs.msg import ColorRGBA, Empty, Float64
 from visualization_msgs.msg import Marker, MarkerArray
 
 from qpavoid.errors import QPAvoidError
+from qpavoid.model.trail import relative
 from qpavoid.ros.guard import Guard, GuardStep, Wiring
 from qpavoid.ros.messages import NANOSECOND
 from qpavoid.ros.parameters import SHAPE, Running, defaults, preset, setup_of
@@ -121,9 +125,12 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             self.get_logger().error(str(error))
             return TransitionCallbackReturn.FAILURE
         self._guard, wiring = guard, self._wiring
+        if "perception" in guard.errors:
+            self.get_logger().warning(guard.errors["perception"])
         self._kind = TwistStamped if self._run.stamped else Twist
         self._out = self.create_publisher(self._kind, "cmd_vel_out", 1)
         self._markers = self.create_publisher(MarkerArray, "~/markers", 1)
+        self._map = self.create_publisher(OccupancyGrid, "~/local_map", 1)
         self._ages = self.create_publisher(Float64, "~/latency", 1)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 1)
         kinds = dict.fromkeys(wiring.scans, LaserScan) | {wiring.odometry: Odometry}
@@ -142,13 +149,9 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         from tf2_msgs.msg import TFMessage
 
         for topic, fixed in (("/tf", False), ("/tf_static", True)):
-            call = partial(self._on_frames, guard, fixed)
+            call = partial(guard.frames.add, fixed=fixed)
             qos = LATCHED if fixed else MANY
             self._heard.append(self.create_subscription(TFMessage, topic, call, qos))
-
-    def _on_frames(self, guard: Guard, fixed: bool, message: Any) -> None:
-        """Register a tf message."""
-        guard.frames.add(message, fixed)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish twists from now on; the robot stands until all inputs are valid."""
@@ -167,8 +170,9 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         """Reset all but the parameters."""
         for heard in self._heard:
             self.destroy_subscription(heard)
-        for said in (self._out, self._markers, self._ages, self._diagnostics):
-            self.destroy_publisher(said)
+        said = self._out, self._markers, self._map, self._ages, self._diagnostics
+        for publisher in said:
+            self.destroy_publisher(publisher)
         self._heard, self._guard = [], None
         return SUCCESS
 
@@ -223,11 +227,33 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             self._answered = self._arrival
         if steady - self._drawn >= MARKERS_EVERY:
             self._drawn = steady
-            self._markers.publish(self._as_markers(markers(guard, step)))
+            if self._markers.get_subscription_count():
+                self._markers.publish(self._as_markers(markers(guard, step)))
+            if self._map.get_subscription_count():
+                self._publish_map(guard)
         state = f"{step.faults} {step.decision and step.decision.status}"
         if steady - self._told >= DIAGNOSTICS_EVERY or state != self._state:
             self._tell(guard, step, steady)
         self._state = state
+
+    def _publish_map(self, guard: Guard) -> None:
+        """Publish the local map, on the base at the last scan."""
+        known = guard.perceiver.explain()
+        if known is None:
+            return
+        grid = OccupancyGrid(data=array("b", known.grid.tobytes()))
+        grid.header.frame_id = self._wiring.base_frame
+        grid.header.stamp = self.get_clock().now().to_msg()
+        grid.info.height, grid.info.width = known.grid.shape
+        grid.info.resolution = known.resolution
+        x, y, heading = relative(known.pose, (*known.origin, 0.0))
+        corner = grid.info.origin
+        corner.position.x, corner.position.y = x, y
+        corner.orientation.z, corner.orientation.w = (
+            math.sin(0.5 * heading),
+            math.cos(0.5 * heading),
+        )
+        self._map.publish(grid)
 
     def _give(self, v: float, omega: float) -> None:
         """Publish a twist."""

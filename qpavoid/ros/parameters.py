@@ -17,6 +17,7 @@ from qpavoid.errors import InvalidInputError, UnknownNameError
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.ros.guard import GuardSetup
+from qpavoid.ros.perceiver import NodePerception
 from qpavoid.settings import declared, want
 
 PRESETS = "mir100", "mir100_rectangle", "jackal"
@@ -25,6 +26,7 @@ TABLES: dict[str, type[Any]] = {
     **PARTS,
     "filter": AvoidanceSettings,
     "freshness": Freshness,
+    "perception": NodePerception,
     "robot": Limits,
 }
 """Tables that can be changed at run time."""
@@ -96,7 +98,8 @@ def setup_of(values: Mapping[str, Any], robot: Robot, dt: float) -> GuardSetup:
     robot = replace(robot, footprint=footprint, limits=_made("robot", values))
     parts = {name: _made(name, values) for name in PARTS}
     settings = _made("filter", values, dt=dt, **parts)
-    return GuardSetup(robot, settings, _made("freshness", values))
+    rest = (_made(name, values) for name in ("freshness", "perception"))
+    return GuardSetup(robot, settings, *rest)
 
 
 def _made(table: str, values: Mapping[str, Any], **given: Any) -> Any:

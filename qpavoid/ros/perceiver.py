@@ -11,7 +11,7 @@ from qpavoid.model.obstacles import NO_OBSTACLES, Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.model.trail import Trail
 from qpavoid.model.transform import Transform
-from qpavoid.perception.perception import Perception
+from qpavoid.perception.perception import Explanation, Perception
 from qpavoid.perception.settings import STEEP, Lidar, NoEcho, PerceptionSettings
 from qpavoid.ros.messages import RANGE_ROUNDING, Fan, Sight
 from qpavoid.types import Array, Pose
@@ -20,7 +20,7 @@ UPRIGHT = math.cos(math.radians(10.0))
 """Cosine of the tilt of a scanner from which on its beams are not in the plane: its
 echoes are then points, and free nothing beyond them."""
 
-FARTHEST, CLOUD_RANGE = 1000.0, 30.0
+SCAN_RANGE, CLOUD_RANGE = 1000.0, 30.0
 """m; greatest range of a scan, and of a cloud."""
 
 LEAST_VIEW = 1e-3
@@ -106,7 +106,6 @@ class Perceiver:
                 twist=(v, omega),
             )
         except InvalidInputError as error:
-            self.taken.discard(topic)
             return f"its echoes count as at rest: {error}"
         self.taken.add(topic)
         return said
@@ -116,6 +115,12 @@ class Perceiver:
         if self.perception is None or not self.taken:
             return NO_OBSTACLES
         return self.perception.obstacles(now, pose)
+
+    def explain(self) -> Explanation | None:
+        """Return map and tracks after the last message; None if none is in the map."""
+        if self.perception is None or not self.taken:
+            return None
+        return self.perception.explain()
 
 
 def planar(fan: Fan, place: Transform) -> tuple[Lidar, Array]:
@@ -139,7 +144,7 @@ def planar(fan: Fan, place: Transform) -> tuple[Lidar, Array]:
     lidar = Lidar(
         field_of_view=view,
         mount=(*place.translation[:2].tolist(), heading),
-        range_max=min(fan.far * (1.0 + 2.0 * RANGE_ROUNDING), FARTHEST),
+        range_max=min(fan.far * (1.0 + 2.0 * RANGE_ROUNDING), SCAN_RANGE),
         range_min=0.0,
         sweep=-fan.span if is_mirrored else fan.span,
         delay=max(-fan.span, 0.0),

@@ -4,13 +4,15 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.prediction import Plan, places_of
 from qpavoid.avoidance.scene import Setup
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Footprint, offset_outline
-from qpavoid.ros.guard import Guard, GuardStep
+from qpavoid.perception.perception import Explanation, Perception
+from qpavoid.ros.guard import ORIGIN, Guard, GuardStep
 from qpavoid.types import Array
 
 OK, WARN, ERROR = range(3)
@@ -22,6 +24,12 @@ DRAWN_EVERY = 0.1
 """s; spacing of the drawn points of a plan."""
 
 BRAKE = Plan(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+CORNERS = 16
+"""Of a drawn circle."""
+
+FORESEEN = 1.0
+"""s; a velocity is drawn as the way in that time, its σ as a circle about the end."""
 
 
 class Diagnosis(NamedTuple):
@@ -92,7 +100,7 @@ def diagnose(
 
 
 def markers(guard: Guard, step: GuardStep) -> list[Drawing]:
-    """Return footprint, zones, active contacts and plan of a step."""
+    """Return footprint, zones, active contacts, plan and discs of a step."""
     robot, settings = guard.setup.robot, guard.setup.settings
     brakes, lines, plan = step.decision is None, np.empty((0, 2)), BRAKE
     if not brakes:
@@ -110,7 +118,30 @@ def markers(guard: Guard, step: GuardStep) -> list[Drawing]:
         Drawing("zone of fast obstacles", closed(fast), (0.9, 0.6, 0.0, 0.4)),
         Drawing("active contacts", lines, (0.9, 0.0, 0.0, 1.0), pairs=True),
         Drawing("plan", way, (0.0, 0.6, 0.3, 1.0)),
+        *movers(step, guard.perceiver.explain()),
     ]
+
+
+def movers(step: GuardStep, known: Explanation | None) -> list[Drawing]:
+    """Return the discs given to the filter, their velocities, and σ of those known."""
+    discs, colour = step.obstacles.discs, (0.6, 0.0, 0.8, 1.0)
+    ends = discs[:, :2] + FORESEEN * step.obstacles.disc_velocities
+    ways = np.stack([discs[:, :2], ends], axis=1).reshape(-1, 2)
+    sigmas = [FORESEEN * x.sigma for x in known.tracks if x.confirmed] if known else []
+    doubts = circles(ends[: len(sigmas)], sigmas[: len(ends)])
+    return [
+        Drawing("discs", circles(discs[:, :2], discs[:, 2]), colour, pairs=True),
+        Drawing("velocities", ways, colour, pairs=True),
+        Drawing("sigmas", doubts, colour, pairs=True),
+    ]
+
+
+def circles(centres: Array, radii: npt.ArrayLike) -> Array:
+    """Return the sides (2 n, 2) of circles about centres (m, 2), m."""
+    angles = 2.0 * np.pi / CORNERS * np.arange(CORNERS + 1)
+    rim = np.column_stack([np.cos(angles), np.sin(angles)])
+    corners = centres[:, None] + np.reshape(radii, (-1, 1, 1)) * rim
+    return np.stack([corners[:, :-1], corners[:, 1:]], axis=2).reshape(-1, 2)
 
 
 def closed(vertices: Array) -> Array:
@@ -131,4 +162,5 @@ def contact_lines(footprint: Footprint, step: GuardStep) -> Array:
 def warm(guard: Guard) -> None:
     """Compile all functions that a step calls."""
     guard.safety.filter(0.0, 0.0, [(9.0, 9.0)], [(9.0, -9.0, 0.1)])
+    Perception(guard.setup.robot).update([9.0] * 9, 0.0, ORIGIN)
     markers(guard, guard.step(0.0, 0.0))

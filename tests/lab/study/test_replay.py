@@ -121,7 +121,7 @@ def test_a_sensor_that_moves_on_the_robot(tmp_path, shift):
     _, done = run(record(tmp_path / "bag", shift=shift, slides=0.15))
     for k, step in enumerate(done.steps[1:], start=1):
         ahead = 2.7 - 0.5 * (k / RATE + 0.02)
-        np.testing.assert_allclose(step.obstacles.points[:, 0], ahead, atol=1e-5)
+        np.testing.assert_allclose(step.obstacles.points[:, 0], ahead, atol=5e-3)
 
 
 def test_a_sensor_that_fell_silent_is_why(tmp_path):
