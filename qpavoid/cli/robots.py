@@ -96,7 +96,7 @@ def _replayed(options: Namespace) -> int:
         setup = setup._replace(perception=raw)
     replayed = replay(drive, setup)
     found = summary(replayed)
-    paths = save(replayed, drive, options.out)
+    paths = save(replayed, options.out)
     give(options, found | {"files": paths}, lambda: _say(found, paths))
     if allowed is not None and replayed.changed > allowed:
         print(f"more than the {allowed:.2%} that are allowed", file=sys.stderr)
@@ -135,7 +135,7 @@ def identify(options: Namespace) -> int:
 def _say(found: dict[str, Any], paths: Sequence[Path]) -> None:
     """Print the numbers of a replay, its movers, its changed stretches, its files."""
     movers = found["movers"]
-    print(f"{len(movers)} movers in {found['scans']} scans, {found['seconds']:.0f} s")
+    print(f"{len(movers)} movers in {found['steps']} steps, {found['seconds']:.0f} s")
     _show_most(movers, "lasts_s")
     if "commands" in found:
         print(

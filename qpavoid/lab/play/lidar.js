@@ -11,7 +11,7 @@ keep() -> restore()                for steps that are not taken */
 
 const Lidar = (() => {
   const SOON = 1e-9;  // s; tolerance of a tick for rounding
-  const [BODIES, DISC] = ["tracks", 11];  // table with a row for every disc, and its columns
+  const DISC = 11;  // columns of a capsule
 
   const placed = ([x, y, heading], [ahead, left, turned]) => {
     const [c, s] = [Math.cos(heading), Math.sin(heading)];
@@ -43,8 +43,8 @@ const Lidar = (() => {
       const angles = middles.map((_, k) => step * k - 0.5 * width);
       const beams = kernel.matrix(angles.map((angle) => [Math.cos(angle), Math.sin(angle), 0, 0]), 4);
       this.given = { rows: kernel.matrix(n, sizes.scan), beams, sensor, counts: kernel.vector(2), motion: [0, 0, 0] };
-      this.memory = Object.fromEntries(Object.entries(sizes.memory).map(([name, [rows, columns]]) => [name, kernel.matrix(rows, columns)]));
-      this.found = { points: kernel.matrix(n + sizes.memory.cells[0], 2), capsules: kernel.matrix(sizes.memory[BODIES][0], DISC) };
+      this.memory = Object.fromEntries(Object.entries(sizes.memory).map(([name, [rows, columns]]) => [name, kernel.matrix(rows, columns || 1)]));
+      this.found = { points: kernel.matrix(n + sizes.memory.cells[0], 2), capsules: kernel.matrix(sizes.memory.tracks[0], DISC) };
       const said = (key) => settings[`perception.${key}`];
       this.model = {
         inner: Math.max(robot.inner, 0), radius: said("radius_m"), acceleration: said("acceleration_mps2"),
@@ -104,7 +104,7 @@ const Lidar = (() => {
     }
 
     free() {
-      const { cell, half, middle, ever_free } = this.map;
+      const { cell, half, middle, free } = this.map;
       const { cells, state } = this.memory;
       const [side, values, stripes] = [2 * half, cells.values, []];
       const low = [0, 1].map((k) => state.values[middle + k] - half);
@@ -112,7 +112,7 @@ const Lidar = (() => {
       rows.forEach((row, i) => {
         let length = 0;
         for (let j = 0; j <= side; j++) {
-          if (j < side && values[cells.columns * (row * side + columns[j]) + ever_free] > 0) length += 1;
+          if (j < side && values[cells.columns * (row * side + columns[j]) + free] > 0) length += 1;
           else if (length) {
             stripes.push([low[0] + i, low[1] + j - length, 1, length].map((count) => cell * count));
             length = 0;

@@ -9,7 +9,7 @@ from importlib.resources import files
 from itertools import zip_longest
 from pathlib import Path
 from string import Template
-from typing import Any, get_args
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 
@@ -36,16 +36,11 @@ from qpavoid.lab.study.report.page import as_json, part
 from qpavoid.model.capsules import TURN, V_X, X1, Y1
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.perception import settings as perceived
-from qpavoid.perception.alignment import SYSTEM
 from qpavoid.perception.local_map import CELL as MAP_CELL
-from qpavoid.perception.local_map import CELL_WIDTH, EVER_FREE, HALF, SIDE
+from qpavoid.perception.local_map import EVER_FREE, HALF
 from qpavoid.perception.scan import NO_ECHO_FREE, SCAN_WIDTH
-from qpavoid.perception.segments import MOST_SEGMENTS, SEGMENT_WIDTH
-from qpavoid.perception.tracks import MOST_TRACKS, TRACK_WIDTH
-from qpavoid.perception.update import MIDDLE_I, STATE_WIDTH
+from qpavoid.perception.update import MIDDLE_I, Memory
 from qpavoid.settings import Setting, declared
-from qpavoid.tracking.kanayama import Gains
-from qpavoid.tracking.station import StationKeeping, StationTracker
 from qpavoid.types import Array
 
 GALLERY = ("demo/play", "demo/crowd", "paper/test_case_1", "paper/test_case_2")
@@ -90,22 +85,14 @@ SIZES = {
     "blocked": NO_PATH,
     "ready": READY,
     "memory": {
-        "state": (STATE_WIDTH, 1),
-        "cells": (SIDE * SIDE, CELL_WIDTH),
-        "tracks": (MOST_TRACKS, TRACK_WIDTH),
-        "segments": (MOST_SEGMENTS, SEGMENT_WIDTH),
-        "system": (SYSTEM, 1),
+        name: array.__metadata__[-1]
+        for name, array in get_type_hints(Memory, include_extras=True).items()
     },
     "scan": SCAN_WIDTH,
     "all_round": perceived.ALL_ROUND,
     "no_echo_free": NO_ECHO_FREE,
     "angle_error": perceived.Lidar().angle_error,
-    "map": {
-        "cell": MAP_CELL,
-        "half": HALF,
-        "middle": MIDDLE_I,
-        "ever_free": EVER_FREE,
-    },
+    "map": {"cell": MAP_CELL, "half": HALF, "middle": MIDDLE_I, "free": EVER_FREE},
 }
 """Array sizes of the compiled functions."""
 
@@ -232,8 +219,8 @@ def scene(config: str, data: str | None = None) -> dict[str, Any]:
         raise ConfigError([f"{file}: robots: play has one robot"])
     kept = {key: value for key, value in document.items() if key not in NOT_PLAYED}
     made = make_scenario(kept, name, file, data)
-    gains = Gains(*made.tracker.array[:3].tolist())
-    station = StationTracker(gains, StationKeeping(), made.robot.limits)
+    parked = {**kept, "tracking": {**kept.get("tracking", {}), "station_keeping": True}}
+    station = make_scenario(parked, name, file, data).tracker
     left_out = ("published", "frames_s", "ends_at_goal", "obstacles")
     return {
         "name": name,

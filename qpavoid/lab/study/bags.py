@@ -42,8 +42,8 @@ SET_BACK = 1.0
 COMMANDS = "cmd_vel_in", "cmd_vel_nav", "cmd_vel_smoothed", "cmd_vel"
 """How commands are called, the first that there is: before a monitor, then after."""
 
-AT_REST = "at rest"
-"""Topic of the odometry of a robot without one."""
+NO_TOPIC = "odometry of a robot at rest"
+"""Name of a topic that is not in the bag."""
 
 MOST_BAG = 100_000_000_000
 """Bytes of a file of a bag; only the chosen messages are held."""
@@ -78,7 +78,7 @@ class Recording(NamedTuple):
     static: Sequence[Any]
     events: Sequence[Event]
     name: str = "drive"
-    notes: tuple[str, ...] = ()
+    notes: Sequence[str] = ()
 
     @property
     def has_commands(self) -> bool:
@@ -114,13 +114,9 @@ def bag_drive(
         return topics | moving | named
 
     static, events = read_bag(path, choose)
-    poses = {chosen[0].odometry}
-    events = [
-        Event(time, name, _odometry(one.header, one.pose))
-        if name in poses and not hasattr(one, "twist")
-        else Event(time, name, one)
-        for time, name, one in events
-    ]
+    for k, (time, name, one) in enumerate(events):
+        if name == chosen[0].odometry and not hasattr(one, "twist"):
+            events[k] = Event(time, name, _odometry(one.header, one.pose))
     drive = Recording(chosen[0], static, events, path.name)
     return drive if drive.has_commands else perceivable(drive)
 
@@ -133,38 +129,34 @@ def _odometry(header: Any, pose: Any) -> SimpleNamespace:
 
 
 def perceivable(drive: Recording) -> Recording:
-    """Return a drive without commands in the order of its stamps.
+    """Return a drive without commands that has odometry and places of all sensors.
 
-    Without odometry the robot stands; the frame of a sensor that no transform places is
-    that of the robot.
+    Without odometry the robot is at rest; the frame of a sensor that no transform
+    places is that of the robot.
     """
-    wired, events = drive.wiring, list[Event]()
-    moved = [event.message for event in drive.events if event.topic == "tf"]
+    wired, events, notes = drive.wiring, drive.events, list[str]()
+    moved = [event.message for event in events if event.topic == "tf"]
     links = [link for one in (*drive.static, *moved) for link in one.transforms]
     placed = {link.child_frame_id.strip("/") for link in links}
     placed |= {wired.base_frame, *wired.frames}
-    lost, sensors = dict[str, None](), (*wired.scans, *wired.clouds)
-    zero = SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
-    at_rest = SimpleNamespace(position=zero, orientation=zero)
-    for time, topic, one in drive.events:
-        stamp = time if topic == "tf" else seconds(one.header.stamp)
-        if topic in sensors and one.header.frame_id.strip("/") not in placed:
-            lost[one.header.frame_id] = None
-        if topic in sensors and not wired.odometry:
-            events.append(Event(stamp, AT_REST, _odometry(one.header, at_rest)))
-        events.append(Event(stamp, topic, one))
-    notes = (
-        [f"no transform of {', '.join(lost)}: at the robot's origin"] if lost else []
-    )
+    sensors = {*wired.scans, *wired.clouds}
+    seen = [event for event in events if event.topic in sensors]
+    frames = dict.fromkeys(str(event.message.header.frame_id) for event in seen)
+    lost = [name for name in frames if name.strip("/") not in placed]
+    if lost:
+        poses = (*wired.frame_poses, *(0.0,) * 6 * len(lost))
+        wired = wired._replace(frames=(*wired.frames, *lost), frame_poses=poses)
+        notes.append(f"no transform of {', '.join(lost)}: at the robot's origin")
     if not wired.odometry:
+        zero = SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
+        pose = SimpleNamespace(position=zero, orientation=zero)
+        still = [
+            Event(time, NO_TOPIC, _odometry(one.header, pose)) for time, _, one in seen
+        ]
+        events = sorted([*still, *events], key=lambda event: event.time)
+        wired = wired._replace(odometry=NO_TOPIC)
         notes.append("no odometry: the robot is at rest")
-    wired = wired._replace(
-        odometry=wired.odometry or AT_REST,
-        frames=(*wired.frames, *lost),
-        frame_poses=(*wired.frame_poses, *(0.0,) * 6 * len(lost)),
-    )
-    events.sort(key=lambda event: event.time)
-    return drive._replace(wiring=wired, events=events, notes=tuple(notes))
+    return drive._replace(wiring=wired, events=events, notes=notes)
 
 
 def odometry_and_commands(path: Path, command: str) -> list[Event]:

@@ -10,9 +10,10 @@ cannot be read. A drive without commands shows perception alone.
 import json
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from statistics import median
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,13 +34,15 @@ from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.carmen import LONGEST_ROBOT, hold_time
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import to_world
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
-from qpavoid.ros.guard import Guard, GuardSetup, GuardStep, Wiring
+from qpavoid.model.trail import relative
+from qpavoid.ros.guard import ORIGIN, Guard, GuardSetup, GuardStep, Wiring
 from qpavoid.ros.messages import read_twist, seconds
 from qpavoid.ros.parameters import PRESETS, Running, defaults, preset, setup_of
-from qpavoid.ros.report import diagnose, markers
+from qpavoid.ros.report import Drawing, diagnose, markers
 from qpavoid.settings import want
-from qpavoid.types import Array, Pose, Twist
+from qpavoid.types import Array, Twist
 
 PIONEER = Robot("Pioneer", Footprint.rectangle(0.47, 0.41), Limits.symmetric(1.6, 2.6))
 """Its limits are those of a robot given by its size."""
@@ -47,10 +50,13 @@ PIONEER = Robot("Pioneer", Footprint.rectangle(0.47, 0.41), Limits.symmetric(1.6
 STALE_STEPS = 3.0
 """Greatest age of inputs in steps, where no parameters say."""
 
+POSE = "x_m", "y_m", "heading_rad"
+"""Columns of a pose by odometry."""
+
 UNREAD = "command cannot be read"
 """Reason of a step whose command is not finite."""
 
-PANELS, REACH = 6, 6.0
+PANELS, SHOWN = 6, 6.0
 """Of the figure of perception; m that it shows on each side of the robot."""
 
 OF_CONTENT = {Fault.INVALID, Fault.BLIND, Fault.JUMPED}
@@ -71,48 +77,25 @@ class Parameters(NamedTuple):
     setup: GuardSetup
 
 
-class Known(NamedTuple):
-    """Perceived obstacles at a time, frame of the odometry.
-
-    Attributes:
-        time: s.
-        pose: Of the robot.
-        points: (n, 2) at rest, m.
-        discs: (m, 3) x, y, radius of moving ones, m.
-        velocities: (m, 2) theirs, m/s.
-        names: Numbers of their tracks.
-    """
-
-    time: float
-    pose: Pose
-    points: Array
-    discs: Array
-    velocities: Array
-    names: list[int]
-
-
 class Replayed(NamedTuple):
     """Result of a replay.
 
     Attributes:
-        rows: A dict a command: time_s, the recorded twist, the given one, why; the
-            pose by odometry. Without commands one a scan, of time and pose.
-        steps: Of the guard, one a row.
-        known: After each scan; empty without perception.
+        drive: The recording.
         guard: As it was left.
-        notes: Assumptions about the drive.
+        rows: A dict a command: time_s, the pose by odometry; the recorded twist, the
+            given one, why. Without commands one a scan, of time and pose.
+        steps: Of the guard, one a row.
+        drawn: Markers of each.
+        names: Of each the numbers of the tracks of its discs.
     """
 
+    drive: Recording
+    guard: Guard
     rows: list[dict[str, Any]]
     steps: list[GuardStep]
-    known: list[Known]
-    guard: Guard
-    notes: list[str]
-
-    @property
-    def has_commands(self) -> bool:
-        """Whether commands were replayed."""
-        return "changed" in self.rows[0]
+    drawn: list[list[Drawing]]
+    names: list[list[int]]
 
     @property
     def changed(self) -> float:
@@ -189,8 +172,7 @@ def setup_for(drive: Recording, robot: Robot) -> GuardSetup:
     Raises:
         DataError: It has fewer than two of these, or they are too far apart.
     """
-    sensor = [*drive.wiring.scans, *drive.wiring.clouds][0]
-    topic = "command" if drive.has_commands else sensor
+    topic = "command" if drive.has_commands else drive.wiring.topics[0]
     times = [event.time for event in drive.events if event.topic == topic]
     if len(times) < 2:
         raise DataError(f"a replay needs two messages or more on {topic}")
@@ -215,12 +197,20 @@ def replay(drive: Recording, setup: GuardSetup) -> Replayed:
     fresh = replace(setup.freshness, good=0.0)
     guard = Guard(setup._replace(freshness=fresh), drive.wiring)
     _want_one_clock(drive, guard)
-    sensors, is_new = {*drive.wiring.scans, *drive.wiring.clouds}, False
+    for message in drive.static:
+        guard.frames.add(message, fixed=True)
+    sensors = {*drive.wiring.scans, *drive.wiring.clouds}
     asked = {"command"} if drive.has_commands else sensors
-    notes = [*drive.notes, guard.errors.get("perception", "")]
-    done, last = Replayed([], [], [], guard, [*filter(None, notes)]), (0.0, 0.0)
-    for event in _received(drive, guard):
-        is_new |= event.topic in sensors
+    if "perception" in guard.errors:
+        drive = drive._replace(notes=[*drive.notes, guard.errors["perception"]])
+    done, last = Replayed(drive, guard, [], [], [], []), (0.0, 0.0)
+    for event in drive.events:
+        if event.topic == "tf":
+            guard.frames.add(event.message)
+        elif event.topic == "command":
+            guard.command(event.message, event.time, event.time)
+        else:
+            guard.see(event.topic, event.message, event.time, event.time)
         if event.topic not in asked:
             continue
         driven = guard.trail.twist if drive.wiring.odometry else last
@@ -236,46 +226,20 @@ def replay(drive: Recording, setup: GuardSetup) -> Replayed:
         if not drive.wiring.odometry:
             guard.trail.twist = last
         if all(map(math.isfinite, step.ages.values())):
-            place = _posed(guard.trail.at(event.time))
-            done.rows.append({"time_s": event.time} | row | place)
+            placed = zip(POSE, guard.trail.at(event.time), strict=True)
+            done.rows.append({"time_s": event.time, **dict(placed), **row})
             done.steps.append(step)
-            done.known.extend(_known(guard, event.time) if is_new else ())
-            is_new = False
+            done.drawn.append(markers(guard, step))
+            known = guard.perceiver.explain()
+            tracks = known.tracks if known else ()
+            done.names.append([one.name for one in tracks if one.confirmed])
     if not done.rows:
         never = [name for name, age in step.ages.items() if age == math.inf]
         said = "; ".join(f"{name} ({_refusals(guard, name)})" for name in never)
         raise DataError(f"never seen before a command: {said}")
-    if not (done.known or drive.has_commands):
-        said = "; ".join(f"{name}: {why}" for name, why in guard.errors.items())
-        raise DataError(f"neither commands nor perceived obstacles. {said}")
+    if not drive.has_commands and all(one.decision is None for one in done.steps):
+        raise DataError(f"neither commands nor obstacles. {_reason(guard, step)}")
     return done
-
-
-def _received(drive: Recording, guard: Guard) -> Iterator[Event]:
-    """Yield every event of a drive once the guard has received it."""
-    for message in drive.static:
-        guard.frames.add(message, fixed=True)
-    for event in drive.events:
-        if event.topic == "tf":
-            guard.frames.add(event.message)
-        elif event.topic == "command":
-            guard.command(event.message, event.time, event.time)
-        else:
-            guard.see(event.topic, event.message, event.time, event.time)
-        yield event
-
-
-def _known(guard: Guard, time: float) -> Iterator[Known]:
-    """Yield the perceived obstacles, if there is perception."""
-    explained, pose = guard.perceiver.explain(), guard.trail.at(time)
-    if explained is not None:
-        seen = guard.perceiver.obstacles(time, pose)
-        discs = seen.discs.copy()
-        discs[:, :2] = to_world(discs[:, :2], pose)
-        velocities = to_world(seen.disc_velocities, (0.0, 0.0, pose[2]))
-        names = [track.name for track in explained.tracks if track.confirmed]
-        points = to_world(seen.points, pose)
-        yield Known(time, pose, points, discs, velocities, names)
 
 
 def _want_one_clock(drive: Recording, guard: Guard) -> None:
@@ -318,10 +282,6 @@ def _reason(guard: Guard, step: GuardStep) -> str:
         why = guard.errors.get(name) if fault in OF_CONTENT else None
         said.append(f"{name}: {fault.sentence}" + (f" ({why})" if why else ""))
     return " ".join(said)
-
-
-def _posed(pose: Pose) -> dict[str, float]:
-    return dict(zip(("x_m", "y_m", "heading_rad"), pose, strict=True))
 
 
 def _recorded(event: Event) -> Twist | None:
@@ -386,32 +346,38 @@ def _least(rows: Sequence[Mapping[str, Any]]) -> float | None:
     return round(min(known), 4) if known else None
 
 
-def movers(known: Sequence[Known]) -> list[dict[str, Any]]:
-    """Return the moving obstacles at every time, frame of the odometry."""
-    keys = "x_m", "y_m", "radius_m", "v_x_mps", "v_y_mps"
-    return [
-        {"time_s": one.time, "name": name}
-        | dict(zip(keys, (*disc, *velocity), strict=True))
-        for one in known
-        for name, disc, velocity in zip(
-            one.names, one.discs.tolist(), one.velocities.tolist(), strict=True
-        )
-    ]
+def seen(replayed: Replayed, step: int) -> Obstacles:
+    """Return the obstacles of a step, frame of the odometry."""
+    x, y, heading = (replayed.rows[step][key] for key in POSE)
+    back = relative((x, y, heading), ORIGIN)
+    return replayed.steps[step].obstacles.seen_from(back)
 
 
-def tracks(known: Sequence[Known]) -> list[dict[str, Any]]:
-    """Return each moving obstacle: when, from where to where, and how fast."""
-    found: dict[int, list[dict[str, Any]]] = {}
-    for row in movers(known):
-        found.setdefault(row["name"], []).append(row)
+def movers(replayed: Replayed) -> list[dict[str, Any]]:
+    """Return the moving obstacles of every step, frame of the odometry."""
+    keys, found = ("x_m", "y_m", "radius_m", "v_x_mps", "v_y_mps"), []
+    for k, (row, names) in enumerate(zip(replayed.rows, replayed.names, strict=True)):
+        there = seen(replayed, k)
+        discs = np.hstack([there.discs, there.disc_velocities]).tolist()
+        for name, disc in zip(names, discs, strict=False):
+            place = dict(zip(keys, disc, strict=True))
+            found.append({"time_s": row["time_s"], "mover": name, **place})
+    return found
+
+
+def tracks(rows: Sequence[Mapping[str, Any]], start: float) -> list[dict[str, Any]]:
+    """Return each moving obstacle: when (s after the start), where, and how fast."""
+    found: dict[int, list[Mapping[str, Any]]] = {}
+    for row in rows:
+        found.setdefault(row["mover"], []).append(row)
     return [
         {
             "mover": name,
-            "begins_s": round(some[0]["time_s"] - known[0].time, 3),
+            "begins_s": round(some[0]["time_s"] - start, 3),
             "lasts_s": round(some[-1]["time_s"] - some[0]["time_s"], 3),
-            "from_m": [round(some[0][key], 2) for key in ("x_m", "y_m")],
-            "to_m": [round(some[-1][key], 2) for key in ("x_m", "y_m")],
-            "median_mps": round(float(np.median([_speed(row) for row in some])), 3),
+            "from_m": [round(some[0][key], 2) for key in POSE[:2]],
+            "to_m": [round(some[-1][key], 2) for key in POSE[:2]],
+            "median_mps": round(median(map(_speed, some)), 3),
         }
         for name, some in found.items()
     ]
@@ -425,12 +391,12 @@ def summary(replayed: Replayed) -> dict[str, Any]:
     """Return the numbers of a replay, its moving obstacles, and its episodes."""
     rows = replayed.rows
     found = {
-        "scans": len(replayed.known),
+        "steps": len(rows),
         "seconds": round(rows[-1]["time_s"] - rows[0]["time_s"], 3),
-        "movers": tracks(replayed.known),
-        "notes": replayed.notes,
+        "movers": tracks(movers(replayed), rows[0]["time_s"]),
+        "notes": [*replayed.drive.notes],
     }
-    if not replayed.has_commands:
+    if not replayed.drive.has_commands:
         return found
     return found | {
         "commands": len(rows),
@@ -444,53 +410,49 @@ def summary(replayed: Replayed) -> dict[str, Any]:
     }
 
 
-def save(replayed: Replayed, drive: Recording, folder: Path) -> list[Path]:
+def save(replayed: Replayed, folder: Path) -> list[Path]:
     """Write summary, table, figure and a bag; return their paths.
 
     Raises:
         DataError: Where the bag is to be there is something else.
         MissingExtraError: ``rosbags`` is not installed; all else is written.
     """
-    ends = "json", "csv", "png"
-    told, table, figure = (folder / f"replay.{end}" for end in ends)
+    names = "replay.json", "replay.csv", "replay.png", "movers.csv", "perception.png"
+    told, table, figure, moving, scene = paths = [folder / name for name in names]
     folder.mkdir(parents=True, exist_ok=True)
-    found, written = summary(replayed), [told, table]
+    found = summary(replayed)
     told.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     write_csv(table, replayed.rows)
-    if replayed.has_commands:
+    if replayed.drive.has_commands:
         draw(replayed, figure)
-        written.append(figure)
-    if found["movers"]:
-        written.append(folder / "movers.csv")
-        write_csv(written[-1], movers(replayed.known))
-    if replayed.known:
-        written.append(folder / "perception.png")
-        draw_known(replayed, written[-1])
-    write_bag(replayed, drive, folder / "bag")
-    return [*written, folder / "bag"]
+    write_csv(moving, movers(replayed))
+    draw_scene(replayed, scene)
+    write_bag(replayed, folder / "bag")
+    return [*filter(Path.exists, paths), folder / "bag"]
 
 
-def draw_known(replayed: Replayed, path: Path) -> None:
-    """Draw the perceived obstacles from above, where most moved of every sixth.
-
-    Arrows are velocities, as the way in 1 s.
-    """
+def draw_scene(replayed: Replayed, path: Path) -> None:
+    """Draw the obstacles from above, of each sixth of the steps where most move."""
     from matplotlib.figure import Figure
     from matplotlib.patches import Circle
 
-    known, outline = replayed.known, replayed.guard.setup.robot.footprint.vertices
-    parts = filter(len, np.array_split(np.arange(len(known)), PANELS))
+    rows, outline = replayed.rows, replayed.guard.setup.robot.footprint.vertices
+    parts = filter(len, np.array_split(np.arange(len(rows))[::-1], PANELS)[::-1])
     figure = Figure(figsize=(9, 6.4), layout="constrained")
     for part, axes in zip(parts, figure.subplots(2, 3).flat, strict=False):
-        one = max((known[k] for k in part), key=lambda each: len(each.discs))
-        axes.scatter(*one.points.T, s=1.5, color="0.5")
-        axes.fill(*to_world(outline, one.pose).T, fc="white", ec="black", lw=1)
-        for (x, y, radius), velocity in zip(one.discs, one.velocities, strict=True):
-            axes.add_patch(Circle((x, y), radius, fc=SKY, ec=BLUE))
-            axes.arrow(x, y, *velocity, color=RED, head_width=0.15)
-        x, y, _ = one.pose
-        axes.set(title=f"{one.time - known[0].time:.1f} s", aspect="equal")
-        axes.set(xlim=(x - REACH, x + REACH), ylim=(y - REACH, y + REACH))
+        k = max(part.tolist(), key=lambda k: len(replayed.names[k]))
+        there, (x, y, heading) = seen(replayed, k), (rows[k][key] for key in POSE)
+        axes.scatter(*there.points.T, s=1.5, color="0.5")
+        corners = to_world(outline, (x, y, heading))
+        axes.fill(*corners.T, fc="white", ec="black", zorder=9)
+        ways = there.disc_velocities.tolist()
+        for (*centre, radius), way in zip(there.discs.tolist(), ways, strict=True):
+            axes.add_patch(Circle(centre, radius, fc=SKY, ec=BLUE))
+            axes.arrow(*centre, *way, color=RED, head_width=0.15)
+        axes.set(title=f"{rows[k]['time_s'] - rows[0]['time_s']:.1f} s")
+        axes.set(xlim=(x - SHOWN, x + SHOWN), ylim=(y - SHOWN, y + SHOWN))
+        axes.set_aspect("equal")
+    figure.supxlabel("x and y (m); arrows: way in 1 s")
     figure.savefig(path, dpi=130)
 
 
@@ -519,50 +481,43 @@ def draw(replayed: Replayed, path: Path) -> None:
     figure.savefig(path, dpi=120)
 
 
-def write_bag(replayed: Replayed, drive: Recording, folder: Path) -> None:
+def write_bag(replayed: Replayed, folder: Path) -> None:
     """Write decisions and markers as a bag of MCAP, on the robot, and tf of that.
 
-    What was seen comes before what was commanded: the bag can be replayed again.
+    Points at rest come before the command: the bag can be replayed among these.
     """
-    guard, base = replayed.guard, drive.wiring.base_frame
+    guard, wired = replayed.guard, replayed.drive.wiring
+    base = wired.base_frame
     with BagWriter(folder) as bag:
-        for row, step in zip(replayed.rows, replayed.steps, strict=True):
+        kept = replayed.rows, replayed.steps, replayed.drawn
+        for row, step, drawn in zip(*kept, strict=True):
             time = row["time_s"]
             kind = "sensor_msgs/msg/PointCloud2"
             seen = _cloud(bag, bag.stamped(kind, time, base), step.obstacles.points)
             bag.write("/qpavoid/points", kind, time, seen)
-            if replayed.has_commands:
-                _write_answer(bag, row, step, guard)
+            if replayed.drive.has_commands:
+                recorded = row["v_mps"], row["omega_radps"]
+                twists = {"recorded": recorded, "given": (step.v, step.omega)}
+                kind = "geometry_msgs/msg/TwistStamped"
+                for name, (v, omega) in twists.items():
+                    twist = bag.stamped(kind, time, base)
+                    twist.twist.linear.x, twist.twist.angular.z = v, omega
+                    bag.write(f"/qpavoid/{name}", kind, time, twist)
+                kind = "diagnostic_msgs/msg/DiagnosticArray"
+                told = bag.stamped(kind, time, base)
+                told.status = [_status(bag, guard, step)]
+                bag.write("/qpavoid/decision", kind, time, told)
             kind = "visualization_msgs/msg/MarkerArray"
-            drawn = bag.blank(kind)
-            drawn.markers = list(_markers(bag, guard, step, time))
-            bag.write("/qpavoid/markers", kind, time, drawn)
+            shown = bag.blank(kind)
+            shown.markers = [_marker(bag, one, time, base) for one in drawn]
+            bag.write("/qpavoid/markers", kind, time, shown)
             kind = "tf2_msgs/msg/TFMessage"
-            bag.write("/tf", kind, time, _frame(bag, drive, row))
+            bag.write("/tf", kind, time, _frame(bag, wired, row))
 
 
-def _write_answer(
-    bag: BagWriter, row: Mapping[str, Any], step: GuardStep, guard: Guard
-) -> None:
-    """Write a recorded and a given twist, and the decision."""
-    time, base = row["time_s"], guard.wiring.base_frame
-    for name, v, omega in (
-        ("recorded", row["v_mps"], row["omega_radps"]),
-        ("given", step.v, step.omega),
-    ):
-        kind = "geometry_msgs/msg/TwistStamped"
-        twist = bag.stamped(kind, time, base)
-        twist.twist.linear.x, twist.twist.angular.z = v, omega
-        bag.write(f"/qpavoid/{name}", kind, time, twist)
-    kind = "diagnostic_msgs/msg/DiagnosticArray"
-    told = bag.stamped(kind, time, base)
-    told.status = [_status(bag, guard, step)]
-    bag.write("/qpavoid/decision", kind, time, told)
-
-
-def _frame(bag: BagWriter, drive: Recording, row: Mapping[str, Any]) -> Any:
-    """Return where the robot is in the frame of odometry."""
-    kind, wired = "geometry_msgs/msg/TransformStamped", drive.wiring
+def _frame(bag: BagWriter, wired: Wiring, row: Mapping[str, Any]) -> Any:
+    """Return the robot's transform in the frame of odometry."""
+    kind = "geometry_msgs/msg/TransformStamped"
     link = bag.stamped(kind, row["time_s"], wired.odom_frame)
     link.child_frame_id, half = wired.base_frame, 0.5 * row["heading_rad"]
     place, turn = link.transform.translation, link.transform.rotation
@@ -584,20 +539,16 @@ def _status(bag: BagWriter, guard: Guard, step: GuardStep) -> Any:
     return status
 
 
-def _markers(
-    bag: BagWriter, guard: Guard, step: GuardStep, time: float
-) -> Iterator[Any]:
-    """Yield the node's markers."""
-    kind, frame = "visualization_msgs/msg/Marker", guard.wiring.base_frame
-    for one in markers(guard, step):
-        marker = bag.stamped(kind, time, frame)
-        marker.ns, marker.type = one.name, 5 if one.pairs else 4
-        marker.action = 0 if len(one.points) else 2
-        marker.scale.x, marker.pose.orientation.w = 0.02, 1.0
-        for name, share in zip("rgba", one.colour, strict=True):
-            setattr(marker.color, name, share)
-        marker.points = [_point(bag, place) for place in one.points.tolist()]
-        yield marker
+def _marker(bag: BagWriter, one: Drawing, time: float, frame: str) -> Any:
+    """Return a marker of the node."""
+    marker = bag.stamped("visualization_msgs/msg/Marker", time, frame)
+    marker.ns, marker.type = one.name, 5 if one.pairs else 4
+    marker.action = 0 if len(one.points) else 2
+    marker.scale.x, marker.pose.orientation.w = 0.02, 1.0
+    for name, share in zip("rgba", one.colour, strict=True):
+        setattr(marker.color, name, share)
+    marker.points = [_point(bag, place) for place in one.points.tolist()]
+    return marker
 
 
 def _cloud(bag: BagWriter, cloud: Any, points: Array) -> Any:
