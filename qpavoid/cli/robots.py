@@ -1,4 +1,4 @@
-"""The commands for a robot: ros, replay, identify."""
+"""The commands for a robot: ros, replay, identify, calibrate."""
 
 import sys
 from argparse import ArgumentTypeError, Namespace
@@ -119,6 +119,34 @@ def identify(options: Namespace) -> int:
     }
     give(options, fitted | {"settings": settings_of(base)}, show)
     return 0
+
+
+def calibrate(options: Namespace) -> None:
+    """Fit mount, stamp delay and sweep of a LiDAR to a recording among walls."""
+    from qpavoid.lab.study.calibrate import (
+        EXCITED,
+        calibrate,
+        parameters_of,
+        read_recording,
+    )
+
+    recording = read_recording(options.bag, options.scan_topic, options.odometry_topic)
+    found = calibrate(recording)
+    lidar = recording.lidar([one.value for one in found.estimates.values()])
+    rows = [
+        [name, f"{one.value:.4f}", f"{one.low:.4f} … {one.high:.4f}", EXCITED[name][1]]
+        for name, one in found.estimates.items()
+    ]
+
+    def show() -> None:
+        show_table(["", "value", "95 %", "unit"], rows)
+        print(
+            f"walls are {found.thickness:.3f} m thick", parameters_of(lidar), sep="\n"
+        )
+
+    fitted = {name: one._asdict() for name, one in found.estimates.items()}
+    more = {"thickness": found.thickness, "settings": parameters_of(lidar)}
+    give(options, fitted | more, show)
 
 
 def _say(found: dict[str, Any], paths: Sequence[Path]) -> None:

@@ -98,10 +98,10 @@ def bag_drive(path: Path, wiring: Wiring | None, command: str) -> Recording:
 
     def choose(held: dict[str, str]) -> dict[str, str]:
         if not chosen:
-            chosen.append(_found(held))
-        topics = {_topic(name, held): name for name in chosen[0].topics}
+            chosen.append(found_topics(held))
+        topics = {topic_of(name, held): name for name in chosen[0].topics}
         moving = {MOVING: "tf"} if MOVING in held else {}
-        return topics | moving | {_topic(command or _commands(held), held): "command"}
+        return topics | moving | {topic_of(command or _commands(held), held): "command"}
 
     static, events = read_bag(path, choose)
     return Recording(chosen[0], static, events, path.name)
@@ -119,12 +119,12 @@ def odometry_and_commands(path: Path, command: str) -> list[Event]:
     """
 
     def choose(held: dict[str, str]) -> dict[str, str]:
-        odometry = _found(held).odometry
+        odometry = found_topics(held).odometry
         if not odometry:
             raise DataError(f"{path}: no {ROS_TYPES['odometry']}")
         return {
             odometry: "odometry",
-            _topic(command or _commands(held), held): "command",
+            topic_of(command or _commands(held), held): "command",
         }
 
     return read_bag(path, choose)[1]
@@ -192,7 +192,7 @@ def _types() -> Any:
     return get_typestore(Stores.ROS2_JAZZY)
 
 
-def _topic(name: str, held: dict[str, str]) -> str:
+def topic_of(name: str, held: dict[str, str]) -> str:
     """Return the topic of a name, with or without its slash; one there must be."""
     for topic in (name, f"/{name}"):
         if topic in held:
@@ -200,7 +200,7 @@ def _topic(name: str, held: dict[str, str]) -> str:
     raise UnknownNameError("topic", name, held)
 
 
-def _found(held: dict[str, str]) -> Wiring:
+def found_topics(held: dict[str, str]) -> Wiring:
     """Return all scans, and the first odometry."""
     scans = tuple(sorted(t for t, kind in held.items() if kind == ROS_TYPES["scans"]))
     odometry = sorted(t for t, kind in held.items() if kind == ROS_TYPES["odometry"])
