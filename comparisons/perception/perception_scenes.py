@@ -7,7 +7,7 @@ and the true state of every mover at the time of each scan.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -175,18 +175,15 @@ def record(
     count = int(scene.duration * lidar.rate)
     stamps = (np.arange(count) + 0.1 * random.uniform(-1, 1, count)) / lidar.rate
     stamps = np.maximum(stamps, 0.0)
-    sensor = Lidar(lidar)
+    sensor = Lidar(replace(lidar, seed=seed))
     poses = np.array([scene.robot(t) for t in stamps])
     rows, truth = [], np.full((count, len(scene.movers), 5), np.nan)
-    for k, time in enumerate(stamps):
-        ranges = sensor.ranges(tuple(poses[k]), scene.obstacles(time))
-        none = ranges >= lidar.range
-        ranges = np.maximum(
-            ranges + lidar.noise * random.standard_normal(lidar.beams), 0
+    for k, time in enumerate(stamps.tolist()):
+        rows.append(
+            sensor.measure(
+                lambda s, t=time: (scene.robot(t + s), scene.obstacles(t + s))
+            )
         )
-        ranges[none] = math.inf
-        ranges[random.random(lidar.beams) < lidar.dropout] = math.inf
-        rows.append(ranges)
         for i, mover in enumerate(scene.movers):
             if time >= mover.begins:
                 truth[k, i] = mover.motion(time)

@@ -49,6 +49,8 @@ WORKERS = option("--workers N", "processes (default: all cores)", type=studies.w
 PARAMS = option("--params FILE", "parameters of the node, or a shipped name")
 ONE = "--controller --controllers NAME", "see list controllers"
 JSON = option("--json", "print JSON, for programs")
+ODOMETRY = option("--odometry-topic T", "Odometry or PoseStamped of the robot", "")
+BAG = option("BAG", "rosbag2 folder, .mcap, .db3 or .bag", type=Path)
 FIGURES = option("--figures KIND", "png, svg or pdf", "png", choices=runs.FORMATS)
 QUIET = option("--quiet", "print errors alone, and what --json asks for")
 LAWS = "eq5,eq7,qp,qp-repulsion,qp-ahead,qp-ahead+guide"
@@ -160,13 +162,20 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         option("--command-topic T", "of the recorded commands", ""),
         JSON,
     ),
+    "calibrate": (
+        robots.calibrate,
+        BAG,
+        option("--scan-topic T", "of the scans (default: the first)", ""),
+        ODOMETRY,
+        JSON,
+    ),
     "replay": (
         robots.replay,
-        option("BAG", "rosbag2 folder, .mcap, .db3 or .bag", type=Path),
+        BAG,
         PARAMS,
         option("--robot R", "see list robots; or LENGTH,WIDTH in m", "mir100"),
         option("--command-topic T", "of the recorded commands", ""),
-        option("--odometry-topic T", "Odometry or PoseStamped of the robot", ""),
+        ODOMETRY,
         option("--raw", "without perception: all echoes at rest"),
         option(
             "--allow-changed SHARE",

@@ -1,4 +1,4 @@
-"""The commands for a robot: ros, replay, identify."""
+"""The commands for a robot: ros, replay, identify, calibrate."""
 
 import sys
 from argparse import ArgumentTypeError, Namespace
@@ -8,12 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from qpavoid.cli.output import UsageError, give, show_table, told_by
-from qpavoid.errors import (
-    DataError,
-    InvalidInputError,
-    QPAvoidError,
-    UnknownNameError,
-)
+from qpavoid.errors import InvalidInputError, QPAvoidError, UnknownNameError
 
 WORST = 10
 """Rows of a table that are printed."""
@@ -89,7 +84,7 @@ def _replayed(options: Namespace) -> int:
     topics = options.command_topic, options.odometry_topic
     drive, allowed = bag_drive(options.bag, wiring, *topics), options.allow_changed
     if allowed is not None and not drive.has_commands:
-        raise DataError(f"{options.bag}: no commands for --allow-changed")
+        raise UsageError(f"{options.bag}: no commands for --allow-changed")
     setup = told.setup if told else setup_for(drive, robot)
     if options.raw:
         raw = replace(setup.perception, enabled=False)
@@ -130,6 +125,34 @@ def identify(options: Namespace) -> int:
     }
     give(options, fitted | {"settings": settings_of(base)}, show)
     return 0
+
+
+def calibrate(options: Namespace) -> None:
+    """Fit mount, stamp delay and sweep of a LiDAR to a recording among walls."""
+    from qpavoid.lab.study.calibrate import (
+        EXCITED,
+        calibrate,
+        parameters_of,
+        read_recording,
+    )
+
+    recording = read_recording(options.bag, options.scan_topic, options.odometry_topic)
+    found = calibrate(recording)
+    lidar = recording.lidar([one.value for one in found.estimates.values()])
+    rows = [
+        [name, f"{one.value:.4f}", f"{one.low:.4f} … {one.high:.4f}", EXCITED[name][1]]
+        for name, one in found.estimates.items()
+    ]
+
+    def show() -> None:
+        show_table(["", "value", "95 %", "unit"], rows)
+        print(
+            f"walls are {found.thickness:.3f} m thick", parameters_of(lidar), sep="\n"
+        )
+
+    fitted = {name: one._asdict() for name, one in found.estimates.items()}
+    more = {"thickness": found.thickness, "settings": parameters_of(lidar)}
+    give(options, fitted | more, show)
 
 
 def _say(found: dict[str, Any], paths: Sequence[Path]) -> None:

@@ -59,11 +59,13 @@ def report(options: Namespace) -> None:
 
 def play(options: Namespace) -> None:
     """Write one HTML page where robots drive live, and open it in a browser."""
-    from qpavoid.lab.play.page import write_page
+    from qpavoid.lab.play.page import play_page, write_page
+    from qpavoid.lab.play.program import program
 
-    methods = options.controllers.split(",")
+    methods, page = options.controllers.split(","), options.out
     with waiting(options.quiet) as say:
-        page = write_page(options.out, options.config, methods, options.data, say)
+        text = play_page(program(say), options.config, methods, options.data)
+    write_page(page, text)
     print(page)
     if not options.no_open:
         webbrowser.open(page.resolve().as_uri())

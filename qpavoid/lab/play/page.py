@@ -3,7 +3,7 @@
 import base64
 import gzip
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from html import escape
 from importlib.resources import files
 from itertools import zip_longest
@@ -25,7 +25,7 @@ from qpavoid.guide.room import OUTLINE_SPACING, inner_radius, outline
 from qpavoid.guide.settings import BACK_SPEED, GuideSettings
 from qpavoid.guide.stage import fresh_stage
 from qpavoid.guide.state import NO_PATH
-from qpavoid.lab.play.program import Program, program
+from qpavoid.lab.play.program import Program
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.simulation.config import find_config, read_document
 from qpavoid.lab.simulation.methods import OURS, REGISTRY
@@ -71,7 +71,10 @@ RECORD_NAMES = {
 """Names in the compiled record, where they are not those of the fields."""
 
 NOT_PLAYED = ("estimation", "sight_m", "localisation", "plant", "planner", "robots")
-"""Of a scenario: here robots know where they are, and drive as they decide."""
+"""Tables of a scenario: robots know their pose, and drive as they decide."""
+
+NOT_MEASURED = {"fade": "fade", "sweep": "sweep_s", "delay": "delay_s"}
+"""Settings of a LiDAR, and their keys: here scans are taken at once."""
 
 SIZES = {
     "state": len(fresh_state()),
@@ -103,33 +106,17 @@ OWN = (
 )
 
 
-def write_page(
-    file: Path,
-    config: str,
-    methods: Sequence[str],
-    data: str | None = None,
-    say: Callable[[str], None] = lambda step: None,
-) -> Path:
-    """Write the page; return its file.
-
-    Args:
-        file: The page.
-        config: As :func:`play_page` takes it.
-        methods: The same.
-        data: The same.
-        say: Called with each step of a build.
+def write_page(file: Path, text: str) -> None:
+    """Write a page.
 
     Raises:
-        QPAvoidError: As :func:`play_page` does, and
-            :func:`qpavoid.lab.play.program.program`.
+        DataError: The file cannot be written.
     """
-    text = play_page(program(say), config, methods, data)
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text, encoding="utf-8")
     except OSError as error:
         raise DataError(f"{file} cannot be written ({error.strerror})") from None
-    return file
 
 
 def play_page(
@@ -226,7 +213,10 @@ def scene(config: str, data: str | None = None) -> dict[str, Any]:
         "name": name,
         "title": made.title,
         "document": {k: v for k, v in kept.items() if k not in left_out},
-        "left_out": [key for key in NOT_PLAYED if key in document],
+        "left_out": [
+            *(key for key in NOT_PLAYED if key in document),
+            *({*document.get("lidar", {})} & {*NOT_MEASURED.values()}),
+        ],
         "dt": made.dt,
         "duration": made.duration,
         "start": made.start,
@@ -276,6 +266,8 @@ def entries(section: str, kind: type[Any]) -> Iterator[dict[str, Any]]:
     """Yield what can be set in a table: key, unit, range, default, effect."""
     said = attributes_of(kind)
     for setting in declared(kind):
+        if setting.name in NOT_MEASURED and section == "lidar":
+            continue
         names = RECORD_NAMES.get(setting.name, (setting.name,))
         if section != "margins" and setting.name == "acceleration":
             names = (setting.name,)

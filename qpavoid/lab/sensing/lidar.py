@@ -1,13 +1,15 @@
 """Planar LiDAR: exact rays to discs, walls and polygons.
 
-A scan is taken when it is due, at the robot's true pose, with all beams at once. The
-output is the newest one at least as old as the latency, moved into the present robot
-frame by the robot's true motion.
+A scan ends when it is due. Its beams are taken at once or, with a sweep, one after the
+other while robot and obstacles move. The output is the newest scan at least as old as
+the latency, moved into the present robot frame by the robot's true motion.
 """
 
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
@@ -24,16 +26,19 @@ from qpavoid.model.capsules import (
     in_robot_frame,
     like,
 )
-from qpavoid.model.kinematics import to_world
+from qpavoid.model.kinematics import to_world, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.perception import settings as perceived
-from qpavoid.settings import FINITE, NO_KEY, SHARE, Range, check
+from qpavoid.settings import FINITE, NO_KEY, NOT_NEGATIVE, SHARE, Range, check
 from qpavoid.types import Array, Arrays, Points, Pose, VectorWritten
 
 MOUNT = ("mount_x_m", "mount_y_m", "mount_heading_rad")
 ROUND = Range(gt=0.0, le=2 * math.pi + 1e-9, allow_inf_nan=False)
 SOME = Range(gt=0.0, le=1e6, allow_inf_nan=False)
 NONE_OR_SOME = Range(ge=0.0, le=1e6, allow_inf_nan=False)
+
+SLICES = 8
+"""Parts of a sweep, each taken at once."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,10 @@ class LidarSettings:
         latency: s from a scan to its output.
         noise: σ of a range, m.
         dropout: Probability that an echo is lost.
+        fade: Share of echoes lost besides: 1 − exp(−fade · r / (range · cos ι)) at a
+            distance r and an incidence ι.
+        sweep: s from the first to the last beam; negative: the last comes first.
+        delay: s by which stamps are later than the first beam.
         seed: Of noise and dropouts.
         mount: x, y (m), γ (rad) of the sensor in the robot frame.
         point_radius: Radius of points of the world, m, since a ray never hits a point.
@@ -63,6 +72,9 @@ class LidarSettings:
     latency: Annotated[float, "s", NONE_OR_SOME] = 0.0
     noise: Annotated[float, "m", NONE_OR_SOME] = 0.01
     dropout: Annotated[float, SHARE] = 0.0
+    fade: Annotated[float, NOT_NEGATIVE] = 0.0
+    sweep: Annotated[float, "s", perceived.SHORT] = 0.0
+    delay: Annotated[float, "s", perceived.SHORT] = 0.0
     seed: Annotated[int, NO_KEY, Range(ge=0)] = 0
     mount: Annotated[Pose, FINITE, MOUNT] = (0.0, 0.0, 0.0)
     point_radius: Annotated[float, "m", NONE_OR_SOME] = 0.02
@@ -77,7 +89,7 @@ class Lidar:
 
     Attributes:
         settings: Of the sensor.
-        taken: Time of the last scan that was output, s; NaN before.
+        taken: Stamp of the last scan that was output, s; NaN before.
         pose: True pose of the robot then, m and rad.
         last: (n,) its ranges, m; ``inf`` without an echo or after a dropout.
     """
@@ -92,6 +104,7 @@ class Lidar:
         self._random = np.random.default_rng(self.settings.seed)
         self._scans: deque[tuple[float, Pose, Array]] = deque()
         self._clock = Clock(self.settings.rate)
+        self._before = (-math.inf, self.pose)
 
     def scan(
         self,
@@ -112,9 +125,18 @@ class Lidar:
         Raises:
             InvalidInputError: Time runs backwards.
         """
+        s, (before, old) = self.settings, self._before
+        self._before = time, pose
         if self._clock.ticks(time):
-            ranges = self._measure(self.ranges(pose, obstacles))
-            self._scans.append((time, pose, ranges))
+            back = s.delay - abs(s.sweep)  # from the end of the scan to its stamp
+            moved = pose[0] - old[0], pose[1] - old[1], wrap_angle(pose[2] - old[2])
+            rate = np.array(moved) / max(time - before, SOON)
+
+            def world(after: float) -> tuple[Pose, Obstacles]:
+                x, y, heading = np.add(pose, (after + back) * rate).tolist()
+                return (x, y, heading), obstacles.moved(after + back)
+
+            self._scans.append((time + back, world(0.0)[0], self.measure(world)))
         known = time - self.settings.latency + SOON
         while len(self._scans) > 1 and self._scans[1][0] <= known:
             self._scans.popleft()
@@ -122,14 +144,33 @@ class Lidar:
         echoes = Obstacles(self._echoes(self.pose, self.last))
         return echoes.seen_from(pose).points
 
-    def ranges(self, pose: Pose, obstacles: Obstacles) -> Array:
-        """Return the exact length (m) of every beam; without an echo the range."""
+    def ranges(
+        self, pose: Pose, obstacles: Obstacles, beams: slice = slice(None)
+    ) -> Array:
+        """Return the exact length (m) of beams; without an echo the range."""
         x, y, heading = self._sensor(pose)
-        ranges = np.full(self.settings.beams, float(self.settings.range))
+        rays = self._beams[beams]
+        ranges = np.full(len(rays), float(self.settings.range))
         seen = like(obstacles.arrays)
         in_robot_frame((x, y, heading), 0.0, obstacles.arrays, seen)
-        cast_rays(self._beams, seen, self.settings.point_radius, ranges)
+        cast_rays(rays, seen, self.settings.point_radius, ranges)
         return ranges
+
+    def measure(self, world: Callable[[float], tuple[Pose, Obstacles]]) -> Array:
+        """Return the ranges of a scan with its errors; ``inf`` without an echo.
+
+        Args:
+            world: True pose of the robot, and obstacles in the world frame, at a time
+                after the stamp, s.
+        """
+        s = self.settings
+        ends = np.linspace(0, s.beams, 1 + (SLICES if s.sweep else 1)).astype(int)
+        first, parts = 0.5 * abs(s.sweep) - s.delay, []
+        for low, high in pairwise(ends.tolist()):
+            share = 0.5 * (low + high) / s.beams - 0.5
+            seen = world(first + s.sweep * share)
+            parts.append(self.ranges(*seen, slice(low, high)))
+        return self._measure(np.concatenate(parts))
 
     @property
     def geometry(self) -> perceived.Lidar:
@@ -142,7 +183,9 @@ class Lidar:
             mount=(x, y, heading + 0.5 * step if round_ else heading),
             range_max=s.range,
             range_min=0.0,
-            no_echo="auto" if s.dropout else "free",
+            sweep=s.sweep,
+            delay=s.delay,
+            no_echo="auto" if s.dropout or s.fade else "free",
         )
 
     def _sensor(self, pose: Pose) -> Pose:
@@ -159,11 +202,17 @@ class Lidar:
         # Noise is drawn for every beam, with an echo or without, so that beams are
         # independent of each other.
         none = ranges >= self.settings.range
+        lost: float | Array = self.settings.dropout
+        if self.settings.fade and len(ranges) > 1:
+            step = self.settings.field_of_view / self.settings.beams
+            tan = np.gradient(ranges, step) / np.maximum(ranges, 0.1)
+            fade = self.settings.fade * ranges / self.settings.range
+            lost = 1.0 - (1.0 - lost) * np.exp(-fade * np.hypot(1.0, tan))
         if self.settings.noise:
             noise = self._random.standard_normal(len(ranges))
             ranges = np.maximum(ranges + self.settings.noise * noise, 0.0)
-        if self.settings.dropout:
-            none |= self._random.random(len(ranges)) < self.settings.dropout
+        if self.settings.dropout or self.settings.fade:
+            none |= self._random.random(len(ranges)) < lost
         return np.where(none, np.inf, ranges)
 
     def _echoes(self, pose: Pose, ranges: Array) -> Array:

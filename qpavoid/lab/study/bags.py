@@ -104,13 +104,13 @@ def bag_drive(
     chosen: list[Wiring] = [] if wiring is None else [wiring]
 
     def choose(held: dict[str, str]) -> dict[str, str]:
-        wired = chosen.pop() if chosen else _found(held)
+        wired = chosen.pop() if chosen else found_topics(held)
         wired = wired._replace(odometry=odometry or wired.odometry)
         chosen.append(wired)
-        topics = {_topic(name, held): name for name in wired.topics}
+        topics = {topic_of(name, held): name for name in wired.topics}
         moving = {MOVING: "tf"} if MOVING in held else {}
         desired = command or _commands(held)
-        named = {_topic(desired, held): "command"} if desired else {}
+        named = {topic_of(desired, held): "command"} if desired else {}
         return topics | moving | named
 
     static, events = read_bag(path, choose)
@@ -119,6 +119,11 @@ def bag_drive(
             events[k] = Event(time, name, _odometry(one.header, one.pose))
     drive = Recording(chosen[0], static, events, path.name)
     return drive if drive.has_commands else perceivable(drive)
+
+
+def _stamp(time: float) -> SimpleNamespace:
+    whole = math.floor(time)
+    return SimpleNamespace(sec=whole, nanosec=round((time - whole) * 1e9))
 
 
 def _odometry(header: Any, pose: Any) -> SimpleNamespace:
@@ -151,7 +156,8 @@ def perceivable(drive: Recording) -> Recording:
         zero = SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
         pose = SimpleNamespace(position=zero, orientation=zero)
         still = [
-            Event(time, NO_TOPIC, _odometry(one.header, pose)) for time, _, one in seen
+            Event(time, NO_TOPIC, _odometry(SimpleNamespace(stamp=_stamp(time)), pose))
+            for time, *_ in seen
         ]
         events = sorted([*still, *events], key=lambda event: event.time)
         wired = wired._replace(odometry=NO_TOPIC)
@@ -171,13 +177,13 @@ def odometry_and_commands(path: Path, command: str) -> list[Event]:
     """
 
     def choose(held: dict[str, str]) -> dict[str, str]:
-        odometry = _found(held).odometry
+        odometry = found_topics(held).odometry
         if not odometry:
             raise DataError(f"{path}: no {ROS_TYPES['odometry']}")
         desired = command or _commands(held)
         if not desired:
             raise DataError(f"{path}: no Twist or TwistStamped")
-        return {odometry: "odometry", _topic(desired, held): "command"}
+        return {odometry: "odometry", topic_of(desired, held): "command"}
 
     return read_bag(path, choose)[1]
 
@@ -244,7 +250,7 @@ def _types() -> Any:
     return get_typestore(Stores.ROS2_JAZZY)
 
 
-def _topic(name: str, held: dict[str, str]) -> str:
+def topic_of(name: str, held: dict[str, str]) -> str:
     """Return the topic of a name, with or without its slash; one there must be."""
     for topic in (name, f"/{name}"):
         if topic in held:
@@ -252,7 +258,7 @@ def _topic(name: str, held: dict[str, str]) -> str:
     raise UnknownNameError("topic", name, held)
 
 
-def _found(held: dict[str, str]) -> Wiring:
+def found_topics(held: dict[str, str]) -> Wiring:
     """Return all scans, and the first odometry."""
     scans = tuple(sorted(t for t, kind in held.items() if kind == ROS_TYPES["scans"]))
     odometry = sorted(t for t, kind in held.items() if kind == ROS_TYPES["odometry"])
@@ -368,9 +374,8 @@ class BagWriter:
 
     def stamped(self, kind: str, time: float, frame: str) -> Any:
         """Return a blank message with a header."""
-        made, whole = self.blank(kind), math.floor(time)
-        stamp = made.header.stamp
-        stamp.sec, stamp.nanosec = whole, round((time - whole) * 1e9)
+        made = self.blank(kind)
+        vars(made.header.stamp).update(vars(_stamp(time)))
         made.header.frame_id = frame
         return made
 

@@ -361,6 +361,7 @@ def movers(replayed: Replayed) -> list[dict[str, Any]]:
         discs = np.hstack([there.discs, there.disc_velocities]).tolist()
         for name, disc in zip(names, discs, strict=False):
             place = dict(zip(keys, disc, strict=True))
+            place["speed_mps"] = math.hypot(*disc[3:])
             found.append({"time_s": row["time_s"], "mover": name, **place})
     return found
 
@@ -377,14 +378,10 @@ def tracks(rows: Sequence[Mapping[str, Any]], start: float) -> list[dict[str, An
             "lasts_s": round(some[-1]["time_s"] - some[0]["time_s"], 3),
             "from_m": [round(some[0][key], 2) for key in POSE[:2]],
             "to_m": [round(some[-1][key], 2) for key in POSE[:2]],
-            "median_mps": round(median(map(_speed, some)), 3),
+            "median_mps": round(median(row["speed_mps"] for row in some), 3),
         }
         for name, some in found.items()
     ]
-
-
-def _speed(row: Mapping[str, Any]) -> float:
-    return math.hypot(row["v_x_mps"], row["v_y_mps"])
 
 
 def summary(replayed: Replayed) -> dict[str, Any]:

@@ -74,7 +74,8 @@ def config(tmp_path):
 @contextmanager
 def played(browser, config, tmp_path, start="#paused", **how):
     """The page of a scenario; it says no errors and asks for nothing."""
-    page = write_page(tmp_path / "play.html", str(config), ["qp", "qp-ahead"])
+    page = tmp_path / "play.html"
+    write_page(page, play_page(program(), str(config), ["qp", "qp-ahead"]))
     with opened(browser, page.as_uri() + start, **how) as found:
         until(found, "play.frames() > 0")
         yield found
@@ -322,6 +323,8 @@ def test_what_does_not_fit_together_is_what_python_refuses(browser, config, tmp_
 def test_what_is_not_played_is_said(config):
     config.write_text(PARKED + "[estimation]\nnoise_m = 0.1\n")
     assert scene(str(config))["left_out"] == ["estimation"]
+    config.write_text(PARKED + "[lidar]\nfade = 0.1\n")
+    assert scene(str(config))["left_out"] == ["fade"]
 
 
 def test_a_page_holds_its_program_and_no_html_of_a_title(config):

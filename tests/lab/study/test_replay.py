@@ -143,7 +143,7 @@ def test_a_bag_without_scans_or_commands(tmp_path):
     broken.write_bytes(next(folder.glob("*.mcap")).read_bytes()[:2000])
     with pytest.raises(DataError, match="broken.mcap: not readable"):
         bag_drive(broken, None, "")
-    with pytest.raises(DataError, match="two commands or more"):
+    with pytest.raises(DataError, match="two messages or more on command"):
         setup_for(
             Recording(Wiring(), (), [Event(0.0, "command", ros.twist(0.1))]), PIONEER
         )
