@@ -16,6 +16,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 import ros_messages as ros
 from qpavoid.cli import main
 from qpavoid.errors import DataError, InvalidInputError, UnknownNameError
+from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.study.bags import BagWriter, Event, Recording, bag_drive
 from qpavoid.lab.study.identify import bagged, identify
 from qpavoid.lab.study.replay import (
@@ -26,6 +27,7 @@ from qpavoid.lab.study.replay import (
     setup_for,
     summary,
 )
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.ros.guard import Wiring
 
 RATE, START = 20.0, 1.7e9
@@ -338,6 +340,98 @@ def test_the_command_its_files_and_its_gate(tmp_path, capsys):
         assert set(many.values()) == {80}
         last = message.status[0].message if hasattr(message, "status") else ""
     assert kinds["/qpavoid/given"].endswith("TwistStamped") and isinstance(last, str)
+
+
+WALK = 0.8
+"""m/s, of the person in :func:`passed_by`."""
+
+
+def passed_by(folder, commands=False, odometry=True):
+    """A robot at x = 1 m, at rest in a room; a person walks by along −x, y = 1 m.
+
+    Without odometry there is no transform either.
+    """
+    device, room = Lidar(LidarSettings(beams=360, noise=0.01)), np.array([4.0, 3.0])
+    corners = room * [(1, 1), (-1, 1), (-1, -1), (1, -1)]
+    walls = np.hstack([corners, np.roll(corners, -1, axis=0)])
+    with Recorder(folder, StoragePlugin.MCAP) as bag:
+        for k in range(80):
+            then, time = 0.1 * k, START + 0.1 * k
+            person = (3.5 - WALK * then, 1.0, 0.25)
+            world = Obstacles(discs=[person], walls=walls)
+            ranges = device.measure(lambda after, seen=world: ((1.0, 0.0, 0.0), seen))
+            angle = -math.pi + math.pi / 360
+            scan = ros.scan(time, ranges, "laser", first=angle)
+            bag.put("/scan", SCAN, time + 0.02, scan)
+            if odometry:
+                odom = ros.odometry(time, (1.0, 0.0, 0.0))
+                bag.put("/odom", "nav_msgs/msg/Odometry", time, odom)
+            if commands:
+                bag.put("/cmd_vel", TWIST, time + 0.03, ros.twist(0.0))
+        if odometry:
+            fixed = chain(bag, ("base_link", "laser", 0.0))
+            bag.write("/tf_static", TF, START, fixed)
+    return folder
+
+
+@pytest.mark.parametrize("commands", [False, True])
+def test_a_person_who_walks_by_has_a_velocity(tmp_path, capsys, commands):
+    """In the table and in the markers; the points at rest are those of the room."""
+    folder, out = passed_by(tmp_path / "bag", commands), tmp_path / "out"
+    command = ["replay", str(folder), "--robot", "0.4,0.4", "--out", str(out)]
+    assert main([*command, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    (mover,) = told["movers"]
+    assert mover["lasts_s"] > 5.0 and abs(mover["median_mps"] - WALK) < 0.05
+    assert ("changed" in told) == commands and told["notes"] == []
+    with (out / "movers.csv").open(newline="") as file:
+        rows = [{k: float(x) for k, x in row.items()} for row in csv.DictReader(file)]
+    for row in rows:
+        assert math.hypot(row["v_x_mps"] + WALK, row["v_y_mps"]) < 0.2
+        true = 3.5 - WALK * (row["time_s"] - START), 1.0
+        assert math.dist(true, (row["x_m"], row["y_m"])) < 0.1
+    assert (out / "replay.png").exists() == commands
+    assert (out / "perception.png").stat().st_size > 20_000
+    with AnyReader([out / "bag"]) as reader:
+        (kind,) = [x for x in reader.connections if x.topic == "/qpavoid/markers"]
+        shown = [
+            reader.deserialize(data, kind.msgtype).markers
+            for *_, data in reader.messages([kind])
+        ]
+    drawn = [{one.ns: one.points for one in markers} for markers in shown]
+    ways = [one["velocities"] for one in drawn if len(one["velocities"])]
+    assert len(ways) == len(rows) > 50
+    for start, end in ways:
+        assert math.hypot(end.x - start.x + WALK, end.y - start.y) < 0.2
+    assert main([*command, "--raw"]) == 0
+    assert "0 movers" in capsys.readouterr().out
+    if not commands:
+        assert main([*command, "--allow-changed", "1%"]) == 2
+
+
+def test_without_odometry_or_frames_the_assumption_is_said(tmp_path, capsys):
+    folder, out = passed_by(tmp_path / "bag", odometry=False), tmp_path / "out"
+    assert main(["replay", str(folder), "--robot", "0.4,0.4", "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "1 movers" in said and "no odometry: the robot is at rest" in said
+    assert "no transform of laser: at the robot's origin" in said
+
+
+def test_two_scanners_of_a_real_robot(tmp_path, capsys, data_folder):
+    """A person walks round it for half a minute; mounts are those of its makers."""
+    bag = data_folder / "scans" / "obstacle_detector" / "scans_demo.bag"
+    file = tmp_path / "node.yaml"
+    poses = [0.236, 0.0, 0.068, 0.0, 0.0, 0.0, -0.238, 0.005, 0.099, 0.0, 0.0, math.pi]
+    named = f"frames: [front_scanner, rear_scanner], frame_poses: {poses}"
+    scans = "scans: [front_scan, rear_scan], odometry: ''"
+    shape = "robot: {footprint_m: [0.2, 0.2, -0.2, 0.2, -0.2, -0.2, 0.2, -0.2]}"
+    file.write_text(f"/**: {{ros__parameters: {{{scans}, {named}, {shape}}}}}")
+    command = ["replay", str(bag), "--params", str(file), "--out", str(tmp_path)]
+    assert main([*command, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    longest = max(told["movers"], key=lambda one: one["lasts_s"])
+    assert longest["lasts_s"] > 20.0 and len(told["movers"]) < 6
+    assert 0.2 < longest["median_mps"] < 1.5
 
 
 def test_robots_by_name_or_size():
