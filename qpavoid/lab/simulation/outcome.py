@@ -10,7 +10,7 @@ import numpy.typing as npt
 from qpavoid.avoidance.decision import BLOCKED, RELAXED
 from qpavoid.compiled import compiled, entry
 from qpavoid.model.kinematics import wrap_angle
-from qpavoid.types import Array, Pose, Record
+from qpavoid.types import Array, Pose, Record, Twist
 
 if TYPE_CHECKING:
     from qpavoid.lab.simulation.log import Log
@@ -41,6 +41,9 @@ PROGRESS = 0.1
 STALLED = 5.0
 """s without having come :data:`PROGRESS` far at the end of a run."""
 
+UNCHANGED = 1e-6
+"""m/s and rad/s; greatest difference that is not counted as a change of the twist."""
+
 SETTLED = 1.0
 """s at the goal after which nothing more is expected to happen, unless one says so."""
 
@@ -52,6 +55,13 @@ def is_over(
 ) -> bool:
     """Return whether nothing more is expected to happen."""
     return bool(time > max(quiet, outcome[0].arrived + settled))
+
+
+@entry
+@compiled
+def differs(free: Twist, twist: Twist) -> bool:
+    """Return whether a twist is not what the robot would drive if it were alone."""
+    return abs(twist[0] - free[0]) + abs(twist[1] - free[1]) > UNCHANGED
 
 
 class Goal(NamedTuple):
@@ -101,7 +111,7 @@ def contacts_moving(least: Array, pace: Array) -> npt.NDArray[np.intp]:
 
 
 def outcome_of(log: "Log") -> npt.NDArray[np.void]:
-    """Return the outcome of a run from its log: what the compiled loop notes."""
+    """Return the outcome (1,) of a run from its log."""
     dt, times, status = log.meta["dt_s"], log["t_s"], log["status"]
     x, y = (np.append(log[key], log.final[i]) for i, key in enumerate(("x_m", "y_m")))
     heading = np.append(log["heading_rad"], log.final[2])[1:]

@@ -25,8 +25,8 @@ from qpavoid.lab.simulation.clearance import (
     room_on_the_way,
 )
 from qpavoid.lab.simulation.log import LogRow
-from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.simulation.methods import find_method, make_controller
+from qpavoid.lab.simulation.outcome import differs
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.model.capsules import PIVOT_X, V_X, V_Y, X1, X2, Y1, greatest_speed, like
 from qpavoid.model.contacts import contact_at, contact_table, empty_contacts

@@ -16,8 +16,8 @@ from pathlib import Path
 from threading import Thread
 from time import perf_counter, sleep
 
-from qpavoid.compiled import is_cached
-from qpavoid.lab.simulation.loop import close_loop
+from qpavoid.avoidance.step import filter_step
+from qpavoid.compiled import is_cached, lacking
 from qpavoid.lab.study.sweep.job import Job, Row, run_job
 from qpavoid.lab.study.sweep.store import Store
 from qpavoid.lab.study.sweep.study import Study
@@ -142,7 +142,7 @@ class _Chunks:
 
 def _run_all(chunks: _Chunks, workers: int, keep: Callable[[Results], None]) -> None:
     """Run all chunks; after a worker's death its chunks alone, then the rest."""
-    if not is_cached(close_loop):  # one process compiles, the others read
+    if lacking() and not is_cached(filter_step):  # one compiles, the others read
         _run_alone([job for _, chunk in islice(chunks, 1) for job in chunk], keep)
         chunks.out.clear()
     while True:
