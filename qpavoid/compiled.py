@@ -34,7 +34,7 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function of scalars and arrays to machine code at its first call.
 
     No fast-math: NaN, signs, errors and the order of operations are those of Python.
-    The GIL is released, so that a batch uses as many cores as it has threads. Where no
+    The GIL is released. Where no
     cache directory can be written every process compiles for itself.
 
     Arrays are borrowed without counting references; a function that allocates is
@@ -101,13 +101,6 @@ class Compiled:
     def inner(self) -> Any:
         """Dispatcher for compiled callers only: uncached, without a Python wrapper."""
         return _dispatcher(self.py_func, kept=False, **UNWRAPPED, **self._options)
-
-    def compile_alone(self, *given: Any) -> None:
-        """Compile with numba in this process for such arguments, before its callers.
-
-        Cached code does not help a caller: what is inlined is compiled with it.
-        """
-        self.inner.compile(tuple(map(import_module("numba").typeof, given)))
 
     @property
     def _numba_type_(self) -> Any:

@@ -44,13 +44,6 @@ def test_numba_asks_for_a_template_of_every_call():
     assert not callee.signatures, "wrapped for Python, which does not call it"
 
 
-def test_what_callers_want_is_compiled_here_though_its_own_code_is_kept():
-    function = compiled.compiled(twice)
-    assert function(1.0) == 2.0 and not function.inner.signatures
-    function.compile_alone(1.0)
-    assert len(function.inner.signatures) == 1
-
-
 def without_options(monkeypatch):
     for base in cpu.CPUTargetOptions.__mro__:
         for name in {"_nrt", "forceinline"} & set(vars(base)):

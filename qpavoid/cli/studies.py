@@ -31,7 +31,7 @@ def sweep(options: Namespace) -> int:
             names = names_in(options.controllers)
             study = read_study(options.study, options.data, names)
     with progress(len(study), study.title, "runs", options.quiet) as show:
-        count = sweep(study, options.out, options.workers, show, options.merge)
+        count = sweep(study, options.out, options.workers, show)
     mine, rows = {job.run for job in study.jobs()}, read_rows(options.out)
     failed = [
         row for row in rows if row["run"] in mine and row["outcome"] in FAILED_RUNS

@@ -15,7 +15,7 @@ from qpavoid.errors import MissingExtraError, QPAvoidError, UnknownNameError
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.qp.backend_qpsolvers import TIGHT
 from qpavoid.qp.solve import load_back_end
-from timing import cold_start, ros_wire, solvers, steps, throughput
+from timing import cold_start, ros_wire, solvers, steps
 from timing.contenders import CONTENDERS
 from timing.loops import scan
 from timing.peers import Daqp
@@ -280,14 +280,6 @@ def test_memory_does_not_grow():
 
 
 # ------------------------------------------------------------------ the other studies
-def test_loops_a_second():
-    loops = throughput.make_loops(2, 1)
-    tracker = throughput.KanayamaTracker(throughput.Gains(1.0, 4.0, 2.0))
-    settings = throughput.AvoidanceSettings(dt=throughput.DT)
-    batch = throughput.Batch(throughput.Robot.mir100(), tracker, settings)
-    assert throughput.steps_a_second(batch, "eq5", loops, 1) > 0.0
-
-
 def test_cold_starts_tell_what_failed(monkeypatch):
     broken = "broken", ("-c", "raise SystemExit('it broke')")
     monkeypatch.setattr(cold_start, "STARTS", (("nothing", ("-c", "")), broken))

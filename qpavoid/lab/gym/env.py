@@ -15,7 +15,7 @@ from gymnasium.spaces import Box
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
-from qpavoid.lab.simulation.outcome import OUTCOME, Goal, note_arrival
+from qpavoid.lab.simulation.outcome import Goal
 from qpavoid.lab.simulation.scenario import Scenario
 from qpavoid.lab.simulation.simulation import Sensor, Simulation, make_sensor
 from qpavoid.lab.study.sweep.job import find_scene
@@ -27,7 +27,7 @@ from qpavoid.model.robot import GREATEST
 from qpavoid.tracking.kanayama import tracking_error
 from qpavoid.types import Array
 
-VIEW, REACH = 1000.0, 10.0
+VIEW, RAY = 1000.0, 10.0
 """m; greatest coordinate of the goal, and length of a ray, in an observation."""
 
 ARRIVED, TOUCHING = 10.0, -10.0
@@ -131,16 +131,17 @@ class ScenarioEnv(gymnasium.Env):  # type: ignore[misc]
     ) -> None:
         self._scenes = find_scenes(source, seeds)
         scene = next(iter(self._scenes.values()))
-        self._rays = Lidar(LidarSettings(beams=beams, range=REACH, noise=0.0))
+        self._rays = Lidar(LidarSettings(beams=beams, range=RAY, noise=0.0))
         self.robot, self.settings = scene.robot, scene.settings
         limits = scene.robot.limits
         low = np.clip([limits.v_min, limits.omega_min], -GREATEST, 0.0)
         high = np.clip([limits.v_max, limits.omega_max], 0.0, GREATEST)
         least = np.concatenate([[-VIEW, -VIEW, -1.0, -1.0], low, np.zeros(beams)])
-        most = np.concatenate([[VIEW, VIEW, 1.0, 1.0], high, np.full(beams, REACH)])
+        most = np.concatenate([[VIEW, VIEW, 1.0, 1.0], high, np.full(beams, RAY)])
         self.action_space = Box(*np.array([low, high], dtype=np.float32))
         self.observation_space = Box(*np.array([least, most], dtype=np.float32))
         self._action, self._steps = (0.0, 0.0), -1
+        self._seen: Obstacles | None = None
 
     @property
     def obstacles(self) -> Obstacles:
@@ -161,7 +162,6 @@ class ScenarioEnv(gymnasium.Env):  # type: ignore[misc]
         alone = replace(self._scene, guide=None, sensor=Blind())
         self._simulation = Simulation(alone, lambda v, omega, seen, more: self._action)
         self._goal = Goal(self._simulation.goal, *self._scene.arrival)
-        self._arrival = np.full(1, np.inf, OUTCOME)
         self._see, self._seen = make_sensor(self._scene), None
         return self._observe(), {"scene": self._seed}
 
@@ -175,14 +175,12 @@ class ScenarioEnv(gymnasium.Env):  # type: ignore[misc]
         self._want_reset()
         v, omega = twist_of(action).tolist()
         self._action, before = (v, omega), self._away
-        row = self._simulation.step(self._time, self._world()).row
+        row = self._simulation.step(self._time, self._world())
         self._steps, self._seen = self._steps + 1, None
-        pose = self._simulation.pose
-        note_arrival(self._arrival, self._goal, pose, self._time)
         observed = self._observe()
         touched = row.least_clearance_m < 0.0
-        arrived = np.isfinite(self._arrival["arrived"][0]) and not touched
-        arrived = bool(arrived and self._scene.ends_at_goal)
+        arrived = self._scene.ends_at_goal and not touched
+        arrived = arrived and self._goal.holds(self._simulation.pose)
         reward = before - self._away + ARRIVED * arrived + TOUCHING * touched
         info = {"scene": self._seed, "clearance": row.least_clearance_m}
         info |= {"touched": touched, "arrived": arrived}

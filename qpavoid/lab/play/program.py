@@ -12,8 +12,6 @@ from typing import NamedTuple
 import qpavoid.avoidance.repulsion
 import qpavoid.export.wasm
 import qpavoid.guide.guide
-import qpavoid.lab.simulation.clearance
-import qpavoid.lab.simulation.outcome
 from qpavoid.compiled import ENTRIES
 from qpavoid.export.values import TEMPLATES
 from qpavoid.export.wasm import export_wasm
@@ -26,11 +24,9 @@ BUILT = Path(__file__).with_name("built")
 
 SOURCES = (
     *(qpavoid.guide.guide.__file__, qpavoid.avoidance.repulsion.__file__),
-    qpavoid.lab.simulation.clearance.__file__,
-    qpavoid.lab.simulation.outcome.__file__,
     qpavoid.export.wasm.__file__,
 )
-"""The entries are those of all but the last, and of all that they import; the last one
+"""The entries are those of the first two, and of all that they import; the last one
 writes them."""
 
 

@@ -167,9 +167,9 @@ def test_the_least_room_sees_what_happens_within_a_step():
     setup = Setup(footprint.edges, robot.limit_vector, record)
 
     def least(pace):
-        motion = Motion((0.0, 0.0, 0.0), (0.0, 0.0), 0.0, 0.0, pace)
+        motion = Motion((0.0, 0.0), 0.0, pace)
         view = View(world, like(world), empty_contacts(footprint.edges, world))
-        return room_on_the_way(setup, motion, view, math.inf)
+        return room_on_the_way(setup, motion, view)
 
     fastest = greatest_speed(obstacles.capsules)
     pace = greatest_pace(robot.limit_vector, 0.3, -0.2, fastest)
@@ -279,7 +279,6 @@ def test_metrics_of_a_log_made_by_hand():
         points=np.zeros((0, 2)),
         walls=np.zeros((0, 4)),
         vertices=np.zeros((3, 2)),
-        planes=np.zeros((n, 0, 4)),
     )
     result = metrics(log)
     assert result["zone_entry_s"] == pytest.approx(2.0)

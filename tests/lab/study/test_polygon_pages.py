@@ -34,7 +34,7 @@ def config(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def log(config):
-    return run(load_scenario(config), "eq7", explain=True)
+    return run(load_scenario(config), "eq7")
 
 
 def test_polygons_are_drawn_where_they_are(log, tmp_path):

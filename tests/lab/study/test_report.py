@@ -37,7 +37,6 @@ def test_a_long_log_is_thinned(logs, monkeypatch):
         log,
         columns=columns,
         discs=np.tile(log.discs, (110, 1, 1)),
-        planes=np.tile(log.planes, (110, 1, 1)),
     )
     packed = pack_run(long)
     assert packed["every"] == -(-len(long) // payload.MOST_LOG_STEPS) > 1

@@ -1,4 +1,4 @@
-"""The report page and its replay in a real browser, and in a notebook."""
+"""The report page and its replay in a real browser."""
 
 import json
 import re
@@ -10,31 +10,29 @@ import pytest
 
 from browser import chromium, opened, wait_until
 from packed import HOSTILE, row, unpacked
-from qpavoid.errors import InvalidInputError, MissingExtraError
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.compare import save_run
-from qpavoid.lab.study.notebook import show
 from qpavoid.lab.study.report import write_report
 from qpavoid.lab.study.report.payload import pack_run
 from scenario_files import CROSSING, SLOW
 
 
 @pytest.fixture(scope="module")
-def explained(tmp_path_factory):
-    file = tmp_path_factory.mktemp("explained") / "slow.toml"
+def driven(tmp_path_factory):
+    file = tmp_path_factory.mktemp("driven") / "slow.toml"
     title = json.dumps(HOSTILE)
     text = re.sub("title = .*", f"title = {title}".replace("\\", "\\\\"), CROSSING)
     file.write_text(text + SLOW)
     scenario = load_scenario(file)
-    return [run(scenario, name, explain=True) for name in ("eq7", "qp", "qp-ahead")]
+    return [run(scenario, name) for name in ("eq7", "qp", "qp-ahead")]
 
 
 @pytest.fixture(scope="module")
-def compared(explained, tmp_path_factory):
+def compared(driven, tmp_path_factory):
     """A folder as ``qpavoid compare`` leaves it."""
     folder = tmp_path_factory.mktemp("compared")
-    for log in explained:
+    for log in driven:
         save_run(log, folder)
     return folder
 
@@ -100,13 +98,12 @@ def test_a_sweep_of_many_runs_makes_a_small_page(tmp_path, monkeypatch, browser)
         assert page.inner_text("#ranking caption") == HOSTILE
 
 
-def test_a_packed_log_keeps_every_step_and_what_holds_the_twist(explained):
-    log = explained[1]
+def test_a_packed_log_keeps_every_step(driven):
+    log = driven[1]
     packed = pack_run(log)
     found = unpacked(packed)
     assert packed["every"] == 1 and len(found["t"]) == len(log)
     np.testing.assert_allclose(found["x"], log["x_m"], rtol=1e-6)
-    assert found["planes"].shape == log.planes.shape
     assert found["status"].dtype == np.int8
 
 
@@ -142,12 +139,12 @@ def time_line(page):
     return page.locator(".timeline input")
 
 
-def test_the_replay_goes_to_its_last_step(report, explained, browser, tmp_path):
+def test_the_replay_goes_to_its_last_step(report, driven, browser, tmp_path):
     with opened(browser, report.as_uri()) as page:
         page.wait_for_selector(".card canvas")
         assert page.locator(".card").count() == 3
         page.locator(".stage").focus()
-        steps = len(explained[0])
+        steps = len(driven[0])
         for key, step in (
             ("ArrowRight", 1),
             ("Shift+ArrowRight", 11),
@@ -174,7 +171,7 @@ def test_the_replay_goes_to_its_last_step(report, explained, browser, tmp_path):
         assert page.screenshot(path=tmp_path / "page.png")
 
 
-def test_the_replay_shows_what_the_log_holds(report, explained, browser):
+def test_the_replay_shows_what_the_log_holds(report, driven, browser):
     with opened(browser, report.as_uri()) as page:
         page.wait_for_selector(".card canvas")
         frames = page.evaluate(
@@ -184,25 +181,17 @@ def test_the_replay_shows_what_the_log_holds(report, explained, browser):
                 const runs = await Promise.all(replay.groups[0].runs.map(Unpack.run));
                 return runs.map((run) => Array.from({ length: run.n }, (_, k) => {
                     const frame = run.frame(k);
-                    frame.active = Panels.active(frame).map((row) => row[3]);
                     frame.words = Panels.words(frame, run.world);
                     return frame;
                 }));
             }"""
         )
-    for log, shown in zip(explained, frames, strict=True):
+    for log, shown in zip(driven, frames, strict=True):
         assert len(shown) == len(log)
         for name, column in (("x", "x_m"), ("v", "v_mps"), ("r", "r_m")):
             found = [frame[name] for frame in shown]
             np.testing.assert_allclose(found, log[column], rtol=1e-5, atol=1e-7)
-        twists = np.stack([log["v_mps"], log["omega_radps"]], axis=-1)
-        rows = log.planes
-        left = np.einsum("nkc,nc->nk", rows[..., :2], twists) - rows[..., 2]
-        expected = (np.abs(left) <= 1e-6).sum(axis=1)
-        assert [len(frame["active"]) for frame in shown] == expected.tolist()
         assert all(frame["words"] for frame in shown)
-    assert any(frame["active"] for frame in frames[1])
-    assert any("Held by" in frame["words"] for frame in frames[1])
 
 
 def test_tables_sort_filter_and_lead_to_the_replay(report, browser):
@@ -221,31 +210,3 @@ def test_tables_sort_filter_and_lead_to_the_replay(report, browser):
         box = page.get_by_label("eq7", exact=True)
         box.uncheck()
         assert page.locator(".card").count() == 2
-
-
-# ---- in a notebook ----------------------------------------------------------------
-
-
-def test_show_is_the_replay_in_a_frame(explained, browser, tmp_path):
-    pytest.importorskip("IPython")
-    html = show(explained[1:]).data
-    file = tmp_path / "notebook.html"
-    file.write_text(f"<!DOCTYPE html><title>n</title>{html}")
-    with opened(browser, file.as_uri()) as page:
-        frame = page.frame_locator("iframe")
-        frame.locator(".card").nth(1).wait_for()
-        frame.locator(".stage").focus()
-        page.keyboard.press("End")
-        steps = len(explained[0])
-        assert f"step {steps} of {steps}" in frame.locator(".clock").inner_text()
-
-
-def test_show_wants_runs_of_one_scenario(worlds):
-    with pytest.raises(InvalidInputError, match="one scenario"):
-        show([worlds["slow"][0], worlds["fast"][0]])
-
-
-def test_a_missing_ipython_is_said(logs, monkeypatch):
-    monkeypatch.setitem(sys.modules, "IPython.display", None)
-    with pytest.raises(MissingExtraError, match="IPython"):
-        show(logs[0])

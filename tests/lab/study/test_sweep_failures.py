@@ -108,7 +108,7 @@ def test_two_sweeps_into_one_folder(study, tmp_path, capsys):
     with Store(out).alone():
         assert main(command) == 1
         said = capsys.readouterr().err
-        assert "another sweep is writing into it" in said and "--merge" in said
+        assert "another sweep is writing into it" in said and "copy its files" in said
         assert not shards(out)
     assert main(command) == 0
     holder = (

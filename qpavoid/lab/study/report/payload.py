@@ -30,11 +30,10 @@ MOST_REPLAYED = 12
 
 PAIRS = (
     "t=t_s x=x_m y=y_m heading=heading_rad xr=x_ref_m yr=y_ref_m "
-    "hr=heading_ref_rad vd=v_desired_mps wd=omega_desired_radps va=v_aim_mps "
-    "wa=omega_aim_radps v=v_mps w=omega_radps clearance=clearance_m "
+    "hr=heading_ref_rad vd=v_desired_mps wd=omega_desired_radps "
+    "v=v_mps w=omega_radps clearance=clearance_m "
     "least=least_clearance_m rmin=r_min_m r=r_m slack=slack_mps "
-    "solve=solve_time_s cx=contact_x_m cy=contact_y_m obstacle=obstacle "
-    "vlo=v_low_mps vhi=v_high_mps wlo=omega_low_radps whi=omega_high_radps"
+    "solve=solve_time_s cx=contact_x_m cy=contact_y_m obstacle=obstacle"
 )
 COLUMNS = dict(pair.split("=") for pair in PAIRS.split())
 """Columns of a log by their names in a frame of the replay."""
@@ -102,7 +101,7 @@ def pack_run(log: Log) -> dict[str, Any]:
     """Return one run: what is said of it, and its arrays in ``data``."""
     discs = log.discs if np.ptp(log.discs, axis=0).any() else log.discs[:1]
     corners = log.corners if np.ptp(log.corners, axis=0).any() else log.corners[:1]
-    numbers = len(log) * len(COLUMNS) + log.planes.size + discs.size + corners.size
+    numbers = len(log) * len(COLUMNS) + discs.size + corners.size
     every = max(-(-len(log) // MOST_LOG_STEPS), -(-numbers // MOST_LOG_NUMBERS))
     chosen = slice(None, None, every)
     arrays = {name: log[column][chosen] for name, column in COLUMNS.items()}
@@ -110,7 +109,6 @@ def pack_run(log: Log) -> dict[str, Any]:
         "discs": discs[chosen],
         "corners": corners[chosen],
         "polygons": log.polygons,
-        "planes": log.planes[chosen],
         "points": log.points,
         "walls": log.walls,
         "vertices": log.vertices,

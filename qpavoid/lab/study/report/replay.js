@@ -15,9 +15,7 @@ const Replay = (() => {
       item("--zone-r", "■", "nearer than r"), item("--zone-rmin", "■", "nearer than r_min"),
       item("--contact", "●", "P_r and the line to its obstacle"), item("--target", "⊷", "reference"),
       item("--fg", "┄", "planned path"), item("--desired", "◇ ┄", "desired twist"),
-      item("--aimed", "✕", "aimed at after looking ahead"), item("--chosen", "●", "chosen twist"),
-      item("--active", "▨", "active row and obstacle, hatched where it forbids"),
-      item("--row", "■", "forbidden by some row"), item("--fg", "⋯", "limits of this step"));
+      item("--chosen", "●", "chosen twist"));
   }
 
   function card(run, hue) {
@@ -47,8 +45,6 @@ const Replay = (() => {
       const named = this.groups.map((group, i) => [i, `${group.scenario}${group.seed === null ? "" : `, seed ${group.seed}`}`]);
       const [scenario, select] = choice("Scenario", named, (i) => this.pick(Number(i)));
       const [view] = choice("View", [["all", "whole scene"], ["near", "near the robot"]], (value) => { this.near = value === "near"; this.draw(); });
-      const [twists, twistSelect] = choice("Twists", [["all", "all"], ["step", "of this step"]], (value) => { this.zoomed = value === "step"; this.draw(); });
-      this.twists = twistSelect;
       const [pace, paceSelect] = choice("Speed", SPEEDS.map((x) => [x, `${x}×`]), (x) => { this.speed = Number(x); });
       paceSelect.value = 1;
       this.select = select;
@@ -61,7 +57,7 @@ const Replay = (() => {
       this.stage = element("div", { class: "stage", tabindex: 0, role: "group", "aria-label": "Runs side by side" });
       const left = leftOut ? `${leftOut} further runs are not in this page: no log was kept of them, or it would have grown too large.` : "";
       root.append(element("div", { class: "replay", onkeydown: (event) => this.key(event) },
-        element("div", { class: "bar" }, scenario, view, twists, pace), this.methods, this.title,
+        element("div", { class: "bar" }, scenario, view, pace), this.methods, this.title,
         element("div", { class: "bar timeline" }, this.play, stepper("‹", -1, "One step back"), stepper("›", 1, "One step on"), this.slider, this.clock),
         this.stage, legend(),
         element("p", { class: "muted" }, "Keys: space plays, ← and → step, with shift ten steps, home and end. Drag on a strip to move in time. ", left)));
@@ -81,8 +77,6 @@ const Replay = (() => {
       const room = window.innerWidth < 700 ? 2 : MOST;
       const first = this.loaded.map((_, j) => j).slice(-room);
       if (preferred !== null && !first.includes(preferred)) first.splice(0, 1, preferred);
-      this.zoomed = Unpack.narrow(this.loaded, this.axes);
-      this.twists.value = this.zoomed ? "step" : "all";
       this.offer(first);
       this.show(first);
     }
@@ -198,7 +192,7 @@ const Replay = (() => {
         ? { cx: frame.x, cy: frame.y, scale: one.top.clientWidth / (6 * radius) }
         : Panels.fit(one.top, this.group.box);
       Panels.top(one.top, run.world, frame, { view, trail: run.way.slice(0, k + 1), color: hue });
-      Panels.plane(one.plane, frame, this.zoomed ? Unpack.around(frame) : this.axes);
+      Panels.plane(one.plane, frame, this.axes);
       one.charts.forEach((chart, i) => Panels.strip(one.strips[i], Object.assign(chart, { cursor: t })));
     }
 
@@ -213,7 +207,7 @@ const Replay = (() => {
     describe({ top, plane, strips, charts, run }, frame) {
       const name = `${run.method} at ${frame.t.toFixed(2)} s`;
       top.setAttribute("aria-label", `${name}, from above: robot at x ${frame.x.toFixed(2)} m, y ${frame.y.toFixed(2)} m, heading ${frame.heading.toFixed(2)} rad.`);
-      plane.setAttribute("aria-label", `${name}, plane of v and ω: ${frame.planes.length} rows, ${Panels.active(frame).length} active. ${Panels.words(frame, run.world)}`);
+      plane.setAttribute("aria-label", `${name}, plane of v and ω. ${Panels.words(frame, run.world)}`);
       const k = run.at(frame.t);
       strips.forEach((canvas, i) => {
         const values = charts[i].series.map((one) => `${one.name} ${one.values[k].toPrecision(3)}`);

@@ -36,7 +36,7 @@ const Unpack = (() => {
     return Array.from(sizes, (size) => list.slice(end, (end += size)));
   }
 
-  const FIELDS = ["t", "x", "y", "heading", "xr", "yr", "hr", "vd", "wd", "va", "wa", "v", "w",
+  const FIELDS = ["t", "x", "y", "heading", "xr", "yr", "hr", "vd", "wd", "v", "w",
     "clearance", "rmin", "r", "slack", "obstacle"];
 
   async function run(packed) {
@@ -51,13 +51,12 @@ const Unpack = (() => {
     function frame(k) {
       const made = Object.fromEntries(FIELDS.map((name) => [name, column(name)[k]]));
       const contact = [column("cx")[k], column("cy")[k]];
-      const box = ["vlo", "vhi", "wlo", "whi"].map((name) => column(name)[k]);
       return Object.assign(made, {
         status: packed.statuses[column("status")[k]],
         solve_us: 1e6 * column("solve")[k],
         contact: contact.every(Number.isFinite) ? contact : null,
-        box: box.every(Number.isFinite) ? box : null,
-        planes: table(found.planes, k).filter(([av]) => Number.isFinite(av)),
+        box: null,  // a log has no rows of a QP
+        planes: [],
         discs: table(found.discs, moving ? k : 0),
         polygons: parted(table(found.corners, turning ? k : 0), found.polygons.values),
       });
@@ -95,37 +94,16 @@ const Unpack = (() => {
 
   /** Axes that all runs of a group share. */
   function ranges(runs) {
-    const explained = runs.some((one) => one.column("vlo").some(Number.isFinite));
-    const extra = (names, others) => (explained ? names : [...names, ...others]);
     const [least, most] = span(runs, ["least"], 0, 0);
     const [, zone] = span(runs, ["r"]);
     const [, slowest] = span(runs, ["solve"], 1e-6, 1e-5);
     return {
-      v: widened(span(runs, extra(["v", "vlo", "vhi"], ["vd"])), 0.12),
-      w: widened(span(runs, extra(["w", "wlo", "whi"], ["wd"])), 0.12),
+      v: widened(span(runs, ["v", "vd"]), 0.12),
+      w: widened(span(runs, ["w", "wd"]), 0.12),
       clearance: [Math.min(least, 0) - 0.01, Math.max(Math.min(1.05 * most, 5 * zone), 0.1)],
       solve: [0.8, 1.3e6 * slowest],
       t: [Math.min(...runs.map((one) => one.column("t")[0])), Math.max(...runs.map((one) => one.end))],
     };
-  }
-
-  /** Whether the limits of most steps are too small to be seen on the axes. */
-  function narrow(runs, axes) {
-    const share = runs.map((one) => {
-      const sizes = Array.from(one.column("vhi"), (high, k) => high - one.column("vlo")[k]).filter(Number.isFinite);
-      return sizes.sort((a, b) => a - b)[Math.floor(sizes.length / 2)] / (axes.v[1] - axes.v[0]);
-    });
-    return share.some((part) => part < 0.25);
-  }
-
-  /** Axes around the limits of one step and its chosen and aimed twists. */
-  function around({ box, v, w, va, wa }) {
-    const [v1, v2, w1, w2] = box || [v, v, w, w];
-    const bounds = (values) => {
-      const known = values.filter(Number.isFinite);
-      return widened([Math.min(...known), Math.max(...known)], 0.35);
-    };
-    return { v: bounds([v1, v2, v, va]), w: bounds([w1, w2, w, wa]) };
   }
 
   /** The strips of a run, in the order in which they are shown. */
@@ -147,5 +125,5 @@ const Unpack = (() => {
     ];
   }
 
-  return { run, ranges, narrow, around, strips };
+  return { run, ranges, strips };
 })();

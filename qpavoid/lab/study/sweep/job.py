@@ -98,7 +98,7 @@ def run_job(job: Job) -> tuple[Row, bytes | None]:
     try:
         changes = json.dumps(json.loads(job.changes) | json.loads(job.own))
         scene = find_scene(job.source, job.seed, changes, job.data)
-        logs = run_fleet(scene, job.controller, job.solver, explain=job.keep != "none")
+        logs = run_fleet(scene, job.controller, job.solver)
         (noted,) = worst_of(np.concatenate([outcome_of(log) for log in logs]))
         row = job.row(verdict(noted)) | _numbers(noted)
         row |= {"duration_s": scene.duration, **solve_times(logs)}
