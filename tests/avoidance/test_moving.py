@@ -51,7 +51,7 @@ def driven(robot, seed, settings=SETTINGS):
 
 
 def broken(decisions, spare, untils):
-    """How many ways were claimed, and how many not kept for as long as was said."""
+    """Numbers of plans claimed to be clear, and of those not clear for that time."""
     count, claims = 0, 0
     for k, decision in enumerate(decisions):
         kept = k == 0 or spare[k - 1] >= -EPSILON

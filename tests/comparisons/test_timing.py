@@ -66,7 +66,7 @@ def test_back_end(benchmark, name, rows):
 @pytest.mark.parametrize("rows", ROWS)
 @pytest.mark.parametrize("name", INSTALLED)
 def test_what_leaves_solve_holds_or_is_a_failure(name, rows):
-    """It keeps the rows and is the nearest twist to do so, or is NaN and says so."""
+    """An answer is the nearest twist that satisfies the rows, or a failure: NaN."""
     back_end = load_back_end(name)
     for recorded in bank(rows)[:: 20 if name == "casadi:qrqp" else 5]:
         problem = recorded.problem

@@ -525,7 +525,7 @@ OTHERS = {
     "x86_64-macos": (MACOS, bytes.fromhex("cffaedfe")),
     "aarch64-macos": (MACOS, bytes.fromhex("cffaedfe")),
 }
-"""What wheels are also made for: flags, and what such a file begins with."""
+"""Other targets of wheels: compiler flags, and first bytes of the file."""
 
 
 @pytest.mark.slow

@@ -217,7 +217,7 @@ TOGETHER = {
     "filter.passive": (False, True), "guide.stall_time_s": (1.0, 2.0),
     "guide.blocked_time_s": (2.0, 3.0),
 }  # fmt: skip
-"""What does not fit together in some way: values of which some do, and some do not."""
+"""Dependent settings: values of which some combinations are valid, and some are not."""
 
 
 def fits(values):

@@ -54,7 +54,7 @@ NEW = {
     "robot.v_dead_mps": None,
     "robot.omega_dead_radps": None,
 }
-"""What no file could set."""
+"""Keys that older files could not set, with their defaults."""
 
 GUIDE = {
     "guide.horizon_s": 3.0,

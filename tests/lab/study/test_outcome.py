@@ -1,4 +1,4 @@
-"""What became of a run: one word, whoever says it."""
+"""Outcome of a run: one word in tables, sweeps and replays."""
 
 import math
 

@@ -115,7 +115,7 @@ def test_the_report_stands_alone(report):
 
 
 def test_only_the_scripts_of_a_page_run(report, browser, tmp_path):
-    """One that got in, as an element or in an attribute, is refused by the policy."""
+    """The policy refuses injected scripts, in elements and in attributes."""
     text = report.read_text()
     assert "script-src 'sha256-" in text
     hostile = (

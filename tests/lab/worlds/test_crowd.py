@@ -71,7 +71,7 @@ def test_absent_data_is_said(tmp_path, monkeypatch):
 
 
 def test_an_id_that_is_used_again_is_somebody_else(tmp_path):
-    """It was one person, who walked for 400 s."""
+    """Regression: two people with one id were read as one track of 400 s."""
     lines = [f"{k} 1 {0.4 * k} 0" for k in (*range(20), *range(1000, 1020))]
     file = tmp_path / "a.txt"
     file.write_text("\n".join(lines))
