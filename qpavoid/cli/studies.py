@@ -40,7 +40,7 @@ def sweep(options: Namespace) -> int:
     if others := sum(row["run"] not in mine for row in rows):
         lines.append(f"{others} of them are of another study or code; a report has all")
     if study.trajectories == "none":
-        lines.append('No logs are kept; a report replays those of trajectories = "all"')
+        lines.append('No logs are kept; a report draws those of trajectories = "all"')
     found = {"done": count, "rows": len(rows), "others": others, "failed": failed}
     found |= {"out": options.out}
     give(options, found, lambda: print(*lines, sep="\n"))

@@ -12,7 +12,7 @@ from importlib.resources import files
 from string import Template
 from typing import Any
 
-SCRIPTS = "dom pen panels charts unpack replay tables report".split()
+SCRIPTS = "dom tables report".split()
 POLICY = (
     "default-src 'none'; script-src {}; style-src 'unsafe-inline'; "
     "img-src data: blob:; base-uri 'none'; form-action 'none'"
