@@ -12,7 +12,6 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings, LookAhead, SafetyRadius
 from qpavoid.avoidance.state import UNTIL
-from qpavoid.errors import InvalidInputError
 from qpavoid.lab.simulation.world import Track, World
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import arc
@@ -171,9 +170,3 @@ def test_so_much_is_always_kept(robot, closest):
         assert from_standing >= kept - EPSILON
         undercut += from_standing < R_MIN - EPSILON
     assert closest != math.inf or undercut == 0
-
-
-@pytest.mark.parametrize("closest", [0.0, -0.1, 0.005, math.nan])
-def test_it_is_at_least_a_centimetre(closest):
-    with pytest.raises(InvalidInputError, match=r"closest >= 0.01"):
-        LookAhead(closest=closest)

@@ -79,18 +79,6 @@ def test_a_filter_has_the_bits_of_numba(both, name):
     assert {-1, 0, 1, 2} <= compare(both, name, problems_of(name)[:900])
 
 
-@pytest.mark.slow
-def test_all_filters_have_the_bits_of_numba(both):
-    """A hundred thousand steps, all statuses."""
-    seen, rng = set(), np.random.default_rng(6)
-    from export_problems import hostile
-
-    while both["filter_step"].calls < 100_000:
-        for name, (robot, *_) in FILTERS.items():
-            seen |= compare(both, name, hostile(rng, 2_000, robot))
-    assert {-1, 0, 1, 2, 6, 7, 10} <= seen
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("method", ["eq5", "eq7", "qp", "qp-ahead+guide"])
 def test_a_run_has_the_bits_of_numba(both, method):

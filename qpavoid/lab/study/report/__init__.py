@@ -25,7 +25,7 @@ MOST_FAILURES, MOST_LETTERS = 300, 300
 MOST_RECORDS = 2000
 """Rows of all ranking tables together, at least 20 a table."""
 
-MOST_FIGURES, MOST_PANELS, DPI = 24, 12, 100
+MOST_FIGURES, MOST_PANELS, PAGE_DPI = 24, 12, 100
 """Figures in a report, runs in a figure, and its dots per inch."""
 
 FAILURE = "scenario seed method outcome min_clearance_m time_s error".split()
@@ -111,7 +111,7 @@ def _figures(
     for scenario, seed in ordered[:MOST_FIGURES]:
         runs, png = kept[scenario, seed][:MOST_PANELS], BytesIO()
         places |= dict.fromkeys(runs, len(figures))
-        paths([Log.load(logs[run]) for run in runs]).savefig(png, dpi=DPI)
+        paths([Log.load(logs[run]) for run in runs]).savefig(png, dpi=PAGE_DPI)
         image = f"data:image/png;base64,{b64encode(png.getvalue()).decode('ascii')}"
         title = scenario if seed is None else f"{scenario}, seed {seed}"
         figures.append({"title": title, "image": image})
