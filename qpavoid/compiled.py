@@ -49,11 +49,6 @@ def compiled_once(function: Callable[P, R]) -> Callable[P, R]:
     return _compile(function, _nrt=False)
 
 
-def allocating(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile as :func:`compiled_once` a function that makes or returns arrays."""
-    return _compile(function, _nrt=True)  # else it inherits its caller's choice
-
-
 class Compiled:
     """A function that runs as machine code; compiled functions call it directly.
 
@@ -334,18 +329,23 @@ def _register_announcer() -> None:
     from numba.core import event
 
     class Announcer(event.Listener):  # type: ignore[misc]
-        said = False
+        count = 0
 
         def on_start(self, event: Any) -> None:
             function = event.data["dispatcher"].py_func
-            if not self.said and function.__module__.startswith("qpavoid."):
-                self.said = True
+            if not function.__module__.startswith("qpavoid."):
+                return
+            self.count += 1
+            if self.count == 1:
                 print(
                     "qpavoid: compiling for this machine (once, a minute or two; "
                     "later starts read it from the cache) ...",
                     file=sys.stderr,
                     flush=True,
                 )
+            elif sys.stderr.isatty():
+                said = f"qpavoid: compiling function {self.count}"
+                print(said, end="\r", file=sys.stderr, flush=True)
 
         def on_end(self, event: Any) -> None:
             pass

@@ -372,6 +372,7 @@ def package(native, tmp_path_factory):
         elif not path.name.startswith("_native"):
             (ours / path.name).symlink_to(path)
     (ours / "_native.abi3.so").symlink_to(native.__file__)
+    (folder / "configs").symlink_to(ROOT / "configs")
     return folder
 
 
@@ -412,12 +413,14 @@ for name, more in {"scan": "", "points": "perception = false"}.items():
     assert not main(["run", f"{name}.toml", "--out", "run", "--quiet"])
 args = ["scan.toml", "--controllers", "eq5,qp,qp-ahead,dwa", "--out", "all"]
 assert not main(["compare", *args, "--quiet"])
+args = ["studies/smoke", "--out", "rows", "--workers", "1"]
+assert not main(["sweep", *args, "--quiet"])
 print("done")
 """
 
 
 @pytest.mark.long
-def test_compare_and_run_do_without_numba(package, tmp_path):
+def test_compare_run_and_sweep_do_without_numba(package, tmp_path):
     config = ROOT / "configs" / "paper" / "test_case_1.toml"
     command = [sys.executable, "-P", "-c", NO_NUMBA, str(config)]
     environment = os.environ | {"PYTHONPATH": str(package)}
