@@ -125,7 +125,8 @@ def built(folder, *options):
         [*command, str(DOCS), str(folder)], capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
-    return {path.stem: path.read_text() for path in folder.rglob("*.html")}
+    files = sorted(folder.rglob("*.html"), key=lambda path: -len(path.parts))
+    return {path.stem: path.read_text() for path in files}  # the top folder's count
 
 
 def dead_links(folder):

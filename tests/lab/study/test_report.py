@@ -63,13 +63,13 @@ def test_figures_begin_with_scenes_that_tell_methods_apart(logs, tmp_path, monke
         for name, outcome in (("a", "arrived"), ("b", other))
     ]
     kept = {x["run"]: tmp_path / "log.npz" for x in rows}
-    figures, places = reports._figures(rows, kept)
+    figures, places = reports._figures(name_methods(rows), kept)
     assert [figure["title"] for figure in figures] == ["apart, seed 0", "alike, seed 0"]
     assert places == {"aparta": 0, "apartb": 0, "alikea": 1, "alikeb": 1}
     image = base64.b64decode(figures[0]["image"].partition(",")[2])
     assert image.startswith(b"\x89PNG")
     monkeypatch.setattr(reports, "MOST_FIGURES", 1)
-    assert reports._figures(rows, kept)[1] == {"aparta": 0, "apartb": 0}
+    assert [*reports._figures(name_methods(rows), kept)[1]] == ["aparta", "apartb"]
 
 
 def test_a_folder_without_runs_is_an_error(tmp_path):

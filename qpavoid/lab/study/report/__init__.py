@@ -104,14 +104,19 @@ def _figures(
         place = row["scenario"], row.get("seed")
         outcomes[place].add(row["outcome"])
         if row["run"] in logs:
-            kept[place].append(row["run"])
+            kept[place].append(row)
     figures: list[dict[str, str]] = []
     places: dict[str, int] = {}
     ordered = sorted(kept, key=lambda x: (-len(outcomes[x]), -len(kept[x])))
     for scenario, seed in ordered[:MOST_FIGURES]:
         runs, png = kept[scenario, seed][:MOST_PANELS], BytesIO()
-        places |= dict.fromkeys(runs, len(figures))
-        paths([Log.load(logs[run]) for run in runs]).savefig(png, dpi=PAGE_DPI)
+        places |= {run["run"]: len(figures) for run in runs}
+        figure = paths([Log.load(logs[run["run"]]) for run in runs])
+        if len(figure.axes) == len(runs):  # not of several robots
+            for axes, run in zip(figure.axes, runs, strict=True):
+                when = "".join(axes.get_title().partition("\n")[1:])
+                axes.set_title(f"{run['method']}: {run['outcome']}{when}", fontsize=10)
+        figure.savefig(png, dpi=PAGE_DPI)
         image = f"data:image/png;base64,{b64encode(png.getvalue()).decode('ascii')}"
         title = scenario if seed is None else f"{scenario}, seed {seed}"
         figures.append({"title": title, "image": image})
