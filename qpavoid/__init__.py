@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from qpavoid.lab.simulation.run import run
     from qpavoid.lab.simulation.scenario import Scenario, load_scenario
     from qpavoid.lab.study.metrics import metrics
-    from qpavoid.lab.study.notebook import show
     from qpavoid.model.contacts import Contacts
     from qpavoid.model.estimate import VelocityEstimator
     from qpavoid.model.footprint import Footprint
@@ -92,7 +91,6 @@ _HOME = {
     "make_controller": "lab.simulation.methods",
     "metrics": "lab.study.metrics",
     "run": "lab.simulation.run",
-    "show": "lab.study.notebook",
     "solve": "qp.solve",
 }
 

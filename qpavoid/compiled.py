@@ -34,7 +34,7 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function of scalars and arrays to machine code at its first call.
 
     No fast-math: NaN, signs, errors and the order of operations are those of Python.
-    The GIL is released, so that a batch uses as many cores as it has threads. Where no
+    The GIL is released. Where no
     cache directory can be written every process compiles for itself.
 
     Arrays are borrowed without counting references; a function that allocates is
@@ -47,11 +47,6 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
 def compiled_once(function: Callable[P, R]) -> Callable[P, R]:
     """Compile as :func:`compiled`, not inlined: for long functions called often."""
     return _compile(function, _nrt=False)
-
-
-def allocating(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile as :func:`compiled_once` a function that makes or returns arrays."""
-    return _compile(function, _nrt=True)  # else it inherits its caller's choice
 
 
 class Compiled:
@@ -101,13 +96,6 @@ class Compiled:
     def inner(self) -> Any:
         """Dispatcher for compiled callers only: uncached, without a Python wrapper."""
         return _dispatcher(self.py_func, kept=False, **UNWRAPPED, **self._options)
-
-    def compile_alone(self, *given: Any) -> None:
-        """Compile with numba in this process for such arguments, before its callers.
-
-        Cached code does not help a caller: what is inlined is compiled with it.
-        """
-        self.inner.compile(tuple(map(import_module("numba").typeof, given)))
 
     @property
     def _numba_type_(self) -> Any:
@@ -341,18 +329,23 @@ def _register_announcer() -> None:
     from numba.core import event
 
     class Announcer(event.Listener):  # type: ignore[misc]
-        said = False
+        count = 0
 
         def on_start(self, event: Any) -> None:
             function = event.data["dispatcher"].py_func
-            if not self.said and function.__module__.startswith("qpavoid."):
-                self.said = True
+            if not function.__module__.startswith("qpavoid."):
+                return
+            self.count += 1
+            if self.count == 1:
                 print(
                     "qpavoid: compiling for this machine (once, a minute or two; "
                     "later starts read it from the cache) ...",
                     file=sys.stderr,
                     flush=True,
                 )
+            elif sys.stderr.isatty():
+                said = f"qpavoid: compiling function {self.count}"
+                print(said, end="\r", file=sys.stderr, flush=True)
 
         def on_end(self, event: Any) -> None:
             pass

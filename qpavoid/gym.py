@@ -12,12 +12,8 @@ try:
 except ImportError:
     raise MissingExtraError("Gymnasium", "gym") from None
 
-from qpavoid.lab.gym.env import ScenarioEnv, ScenarioVectorEnv, ShieldedEnv
+from qpavoid.lab.gym.env import ScenarioEnv, ShieldedEnv
 
-__all__ = ["ScenarioEnv", "ScenarioVectorEnv", "ShieldedEnv"]
+__all__ = ["ScenarioEnv", "ShieldedEnv"]
 
-gymnasium.register(
-    id="qpavoid/Scenario-v0",
-    entry_point="qpavoid.gym:ScenarioEnv",
-    vector_entry_point="qpavoid.gym:ScenarioVectorEnv",
-)
+gymnasium.register(id="qpavoid/Scenario-v0", entry_point="qpavoid.gym:ScenarioEnv")

@@ -2,18 +2,12 @@
 short runs to draw."""
 
 import os
-from dataclasses import replace
-from fcntl import LOCK_EX, flock
-from functools import wraps
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
 from matplotlib.figure import Figure
 
-from qpavoid.compiled import is_cached
-from qpavoid.lab.simulation import batch
-from qpavoid.lab.simulation.loop import close_loop
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.model.robot import Robot
@@ -39,10 +33,6 @@ high_m = [5.0, 5.0]
 radius_high_m = 0.05
 """
 
-WITHOUT_LOOP = "avoidance", "export", "guide", "model", "qp", "ros"
-"""Folders for which the closed loop need not be compiled: the second worker begins with
-them, while the first one compiles it."""
-
 settings.register_profile(
     "repeatable",
     deadline=None,
@@ -53,37 +43,6 @@ settings.register_profile(
 )
 settings.register_profile("explore", deadline=None, max_examples=2000, database=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
-
-
-@pytest.hookimpl(trylast=True)
-def pytest_collection_modifyitems(items):
-    """Begin with the loop, and half way, as a second worker does, with the others."""
-    apart = [item for item in items if item.path.parent.name in WITHOUT_LOOP]
-    later = [item for item in items if item.path.parent.name not in WITHOUT_LOOP]
-    later.sort(key=lambda item: item.path.stem != "test_batch")
-    half = len(items) // 2
-    items[:] = later[:half] + apart + later[half:]
-
-
-@wraps(batch.compile_filter)
-def compile_loop(setup):
-    """Let one worker compile the loop, and all in it; the others wait, and read it.
-
-    Each on its own would compile the same, and take twice as long on as many cores.
-    """
-    batch.compile_filter = compile_loop.__wrapped__
-    place = Path(close_loop.stats.cache_path)
-    place.mkdir(parents=True, exist_ok=True)
-    with (place / "tests.lock").open("w") as lock:
-        flock(lock, LOCK_EX)
-        if not is_cached(close_loop):
-            scenario = replace(load_scenario("paper/test_case_1"), duration=0.1)
-            loops, loop = batch.as_loop(scenario)
-            loops.run("qp", [loop], 1)
-
-
-if "PYTEST_XDIST_WORKER" in os.environ:
-    batch.compile_filter = compile_loop
 
 
 @pytest.fixture(scope="session")

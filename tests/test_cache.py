@@ -115,7 +115,7 @@ def test_a_full_disk_costs_the_cache_alone(call, folder, monkeypatch, capsys):
 
 
 class Bomb:
-    """What runs when it is read."""
+    """Object whose code runs when it is unpickled."""
 
     def __init__(self, place):
         self.place = str(place)

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from importlib.metadata import version
 
 import numpy as np
 import pytest
@@ -348,13 +347,3 @@ def test_nobody_reads_on(command):
     done = subprocess.run(whole, stdout=writes, stderr=subprocess.PIPE, text=True)
     os.close(writes)
     assert (done.returncode, done.stderr) == (141, "")
-
-
-def test_python_dash_m():
-    done = subprocess.run(
-        [sys.executable, "-P", "-m", "qpavoid", "--version"],
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0
-    assert done.stdout.strip() == f"qpavoid {version('qpavoid')}"

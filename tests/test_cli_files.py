@@ -8,7 +8,7 @@ import pytest
 
 from minimal import STATION
 from qpavoid import compiled
-from qpavoid.cli import build_parser, doctor, files, main
+from qpavoid.cli import build_parser, doctor, main
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.stamps import PACKAGE, source_stamp
 
@@ -96,16 +96,6 @@ def test_init_refuses_and_leaves_nothing(told, message, tmp_path, capsys):
     assert main(["init", path, *told[1:]]) == 2
     assert message in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
-
-
-def test_footprints_are_read():
-    assert files.corners("1.0,0.5") == [
-        (-0.5, -0.25),
-        (0.5, -0.25),
-        (0.5, 0.25),
-        (-0.5, 0.25),
-    ]
-    assert files.corners("0,0 1,0 0,1") == [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]
 
 
 def path_of(module):

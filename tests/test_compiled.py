@@ -1,9 +1,10 @@
 """The one module that knows numba, and the parts that numba does not document."""
 
+import sys
 from importlib import util
+from types import SimpleNamespace
 
 import numba
-import numpy as np
 import pytest
 from numba.core import caching, cpu, event, types
 
@@ -19,10 +20,6 @@ def lacks(part):
 
 def twice(x):
     return 2.0 * x
-
-
-def copied(x):
-    return x.copy()
 
 
 def test_numba_takes_a_cache_of_our_own():
@@ -42,13 +39,6 @@ def test_numba_asks_for_a_template_of_every_call():
     part = "Dispatcher.get_call_template or types.unliteral"
     assert len(callee.inner.signatures) == 2, lacks(part)
     assert not callee.signatures, "wrapped for Python, which does not call it"
-
-
-def test_what_callers_want_is_compiled_here_though_its_own_code_is_kept():
-    function = compiled.compiled(twice)
-    assert function(1.0) == 2.0 and not function.inner.signatures
-    function.compile_alone(1.0)
-    assert len(function.inner.signatures) == 1
 
 
 def without_options(monkeypatch):
@@ -79,9 +69,25 @@ def test_without_a_private_part_of_numba_it_works(lacking, monkeypatch):
         spec = util.spec_from_file_location("compiled_anew", compiled.__file__)
         anew = util.module_from_spec(spec)
         spec.loader.exec_module(anew)
-        function, allocates = anew.compiled(twice), anew.allocating(copied)
-        assert function.dispatcher and allocates.dispatcher
+        function = anew.compiled(twice)
+        assert function.dispatcher
     assert function(3.0) == 6.0
     assert numba.njit(lambda: function(1.5))() == 3.0
-    assert list(allocates(np.ones(2))) == [1.0, 1.0]
     assert anew.is_cached(function) == (lacking is not without_names)
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_compiling_is_said_once_and_counted_on_a_terminal(
+    terminal, monkeypatch, capsys
+):
+    listeners = []
+    monkeypatch.setattr(event, "register", lambda kind, made: listeners.append(made))
+    compiled._register_announcer()
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
+    for module in ("qpavoid.a", "numba.b", "qpavoid.c", "qpavoid.d"):
+        function = SimpleNamespace(__module__=module)
+        dispatcher = SimpleNamespace(py_func=function)
+        listeners[0].on_start(SimpleNamespace(data={"dispatcher": dispatcher}))
+    said = capsys.readouterr().err
+    assert said.count("compiling for this machine") == 1
+    assert ("compiling function 3\r" in said) == terminal

@@ -1,4 +1,4 @@
-"""How settings are declared, and held to what is declared."""
+"""Declarations of settings, and checks against them."""
 
 import math
 from dataclasses import dataclass

@@ -113,19 +113,7 @@ def test_every_formula_is_where_the_table_says():
     assert {f"Eq. {n}" for n in range(1, 9)} <= equations
 
 
-def test_the_glossary_is_in_order():
-    text = TEXTS["glossary"].partition("```{glossary}\n")[2]
-    terms = re.findall(r"^(\w.*)\n  ", text, re.MULTILINE)
-    assert len(terms) > 50
-    assert terms == sorted(terms, key=lambda term: term.lower().replace("_", ""))
-
-
 TUTORIALS = [name for name, text in TEXTS.items() if cells(text)]
-
-
-def test_every_tutorial_is_a_notebook():
-    expected = "own-robot own-scenario methods lidar-loop studies bag ros2 c perception"
-    assert set(TUTORIALS) == set(expected.split())
 
 
 def built(folder, *options):
@@ -137,7 +125,8 @@ def built(folder, *options):
         [*command, str(DOCS), str(folder)], capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
-    return {path.stem: path.read_text() for path in folder.rglob("*.html")}
+    files = sorted(folder.rglob("*.html"), key=lambda path: -len(path.parts))
+    return {path.stem: path.read_text() for path in files}  # the top folder's count
 
 
 def dead_links(folder):
@@ -181,6 +170,5 @@ def test_the_tutorials_run_when_it_is_built(tmp_path):
     pages = built(tmp_path)
     for name in TUTORIALS:
         assert "cell_output" in pages[name] and "Traceback" not in pages[name], name
-    assert "<iframe" in pages["own-scenario"] and "srcdoc" in pages["own-scenario"]
     assert "9.5 s, least clearance" in pages["lidar-loop"]
     assert len(re.findall(r'src="_images/\w+\.svg"', pages["own-robot"])) == 2

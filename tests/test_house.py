@@ -31,8 +31,15 @@ FLOORS = ROBOT + LAB
 MOST_ARROWS = 69
 """Pairs of rooms one of which imports the other; the lowest two floors do not count."""
 
-CEILINGS = {"robot": 20_090, "lab": 16_190, "comparisons": 8_090, "tests": 26_990}
-"""Lines of Python. These numbers and those of FOLDERS only fall."""
+CEILINGS = {
+    "robot": 20_090,
+    "lab": 13_812,
+    "cli": 1_131,
+    "comparisons": 8_090,
+    "tests": 25_588,
+}
+"""Lines of Python; ``cli`` holds all of the package but robot and lab. These numbers
+and those of FOLDERS only fall."""
 
 MOST_FILES = 14
 FOLDERS = {
@@ -58,7 +65,6 @@ BORDERS = {
 RETURN_BORDERS = {
     "avoidance.step.filter_step",
     "lab.gym.env.ScenarioEnv.step",  # Gymnasium's five
-    "lab.gym.env.ScenarioVectorEnv.step",
 }
 """Functions that return longer tuples."""
 
@@ -135,7 +141,7 @@ def test_lines_keep_below_their_ceilings():
     for tier in ("qpavoid", "comparisons", "tests"):
         for path in (ROOT / tier).rglob("*.py"):
             part = path.relative_to(ROOT / tier).parts[0].removesuffix(".py")
-            inside = "robot" if part in robot else "lab"
+            inside = "robot" if part in robot else part if part == "lab" else "cli"
             count = 0 if part == "__init__" else len(path.read_text().splitlines())
             lines[inside if tier == "qpavoid" else tier] += count
     for tier, count in lines.items():

@@ -19,7 +19,7 @@ LINK = re.compile(r"\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^()\s]+)\)")
 
 
 def slug(heading):
-    """What GitHub makes of a heading, as its anchor."""
+    """Anchor that GitHub makes of a heading."""
     shown = LINK.sub(r"\1", heading).replace("`", "")
     return re.sub(r"[^\w\- ]", "", shown.strip().lower()).replace(" ", "-")
 

@@ -1,4 +1,4 @@
-"""What others wrote: regular files, no larger than known, below their folder."""
+"""Foreign files: regular ones below a size limit and below their folder are read."""
 
 import gzip
 import json

@@ -9,6 +9,7 @@ import pytest
 from places import ROOT
 
 PACKAGE = sorted((ROOT / "qpavoid").rglob("*.py"))
+OTHERS = sorted(x for y in ("comparisons", "tests") for x in (ROOT / y).rglob("*.py"))
 VAGUE = re.compile(r"(What|Who|The same|It)\b")
 DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
@@ -49,7 +50,9 @@ def literals(text):
                     yield ast.unparse(name), one
 
 
-@pytest.mark.parametrize("path", PACKAGE, ids=lambda path: str(path.relative_to(ROOT)))
+@pytest.mark.parametrize(
+    "path", PACKAGE + OTHERS, ids=lambda x: str(x.relative_to(ROOT))
+)
 def test_docstrings_begin_with_a_noun_or_a_verb(path):
     assert not vague(path.read_text())
 

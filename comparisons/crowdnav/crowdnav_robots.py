@@ -60,7 +60,7 @@ class Driven:
         for later in self._times:
             self._discs[:, :2] = people.at(later)
             there = Obstacles(discs=self._discs, disc_velocities=people.velocities)
-            row = self._simulation.step(time + later, there).row
+            row = self._simulation.step(time + later, there)
             self._noted.append([row[k] for k in NOTED])
             self._shown.velocities = people.velocities
             way.append(self._simulation.pose[:2])

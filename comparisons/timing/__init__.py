@@ -2,7 +2,6 @@
 
 python comparisons/timing/solvers.py       # QP solvers on recorded problems
 python comparisons/timing/steps.py         # whole control steps
-python comparisons/timing/throughput.py    # compiled closed loops
 python comparisons/timing/cold_start.py    # fresh processes
 python comparisons/timing/ros_wire.py      # the ROS 2 node
 """

@@ -128,13 +128,6 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         option("STUDY", "study file or shipped name, see list studies"),
         *(RESULTS, WORKERS, DATA, TRUST, JSON),
         option("--controllers A,B,…", "instead of those of the study"),
-        option(
-            "--merge DIR",
-            "take over the finished runs of another folder first",
-            type=Path,
-            action="append",
-            default=[],
-        ),
     ),
     "report": (
         studies.report,

@@ -7,7 +7,6 @@ import re
 import sys
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -75,7 +74,7 @@ def show(findings: Sequence[Finding], every: bool) -> None:
 
 
 def compile_ahead() -> None:
-    """Compile filter and guide, unless the package brings them, and the laws."""
+    """Compile filter and guide, unless the package brings them."""
     from qpavoid.avoidance.filter import SafetyFilter
     from qpavoid.guide.guide import Guide
     from qpavoid.model.obstacles import Obstacles
@@ -90,23 +89,17 @@ def compile_ahead() -> None:
 
 
 def warm(options: Namespace) -> None:
-    """Compile ahead what numba compiles: the loop of batches and sweeps."""
+    """Compile ahead what did not come compiled with the package: filter and guide."""
     from qpavoid.compiled import lacking
-
-    if find_spec("numba") is None and not lacking():
-        print("nothing to compile: all that runs without numba came with the package")
-        return
-    from qpavoid.lab.simulation.batch import as_loop
-    from qpavoid.lab.simulation.loop import close_loop
-    from qpavoid.lab.simulation.scenario import load_scenario
 
     started = perf_counter()
     compile_ahead()
-    made = as_loop(replace(load_scenario("paper/test_case_1"), duration=0.1))
-    assert made is not None
-    batch, loop = made
-    batch.run("qp", [loop], threads=1)
-    place = close_loop.stats.cache_path  # type: ignore[attr-defined]
+    if not lacking():
+        print("nothing to compile: filter and guide came with the package")
+        return
+    from qpavoid.avoidance.step import filter_step
+
+    place = filter_step.stats.cache_path  # type: ignore[attr-defined]
     print(f"compiled in {perf_counter() - started:.1f} s, kept in {Path(place).parent}")
 
 

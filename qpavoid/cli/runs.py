@@ -2,6 +2,7 @@
 
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
 from qpavoid.cli.output import between_steps, give, make_console, progress, told_by
@@ -183,22 +184,13 @@ def _checked(options: Namespace) -> str:
     )
 
 
-def export_wasm(folder: str) -> None:
-    """Write all that is called from outside as a WebAssembly module with its files."""
-    # Of these modules, and of all that they import.
-    import qpavoid.guide.guide
-    import qpavoid.lab.simulation.loop  # noqa: F401
-    from qpavoid.compiled import ENTRIES
-    from qpavoid.export.wasm import export_wasm
-
-    for path in export_wasm(folder, ENTRIES):
-        print(path)
-
-
 def export_c(options: Namespace) -> None:
     """Write the filter as C99 for a robot."""
     if options.wasm:
-        return export_wasm(options.folder)
+        from qpavoid.lab.play.program import build
+
+        print(*build(Path(options.folder)), sep="\n")
+        return
     from qpavoid.avoidance.settings import AvoidanceSettings
     from qpavoid.export.write import Capacity, export_c
     from qpavoid.lab.simulation.scenario import load_scenario

@@ -31,7 +31,7 @@ def sweep(options: Namespace) -> int:
             names = names_in(options.controllers)
             study = read_study(options.study, options.data, names)
     with progress(len(study), study.title, "runs", options.quiet) as show:
-        count = sweep(study, options.out, options.workers, show, options.merge)
+        count = sweep(study, options.out, options.workers, show)
     mine, rows = {job.run for job in study.jobs()}, read_rows(options.out)
     failed = [
         row for row in rows if row["run"] in mine and row["outcome"] in FAILED_RUNS
@@ -40,7 +40,7 @@ def sweep(options: Namespace) -> int:
     if others := sum(row["run"] not in mine for row in rows):
         lines.append(f"{others} of them are of another study or code; a report has all")
     if study.trajectories == "none":
-        lines.append('No logs are kept; a report replays those of trajectories = "all"')
+        lines.append('No logs are kept; a report draws those of trajectories = "all"')
     found = {"done": count, "rows": len(rows), "others": others, "failed": failed}
     found |= {"out": options.out}
     give(options, found, lambda: print(*lines, sep="\n"))

@@ -1,4 +1,4 @@
-"""What a base does to a twist, and the filter is told: late, ramped, at odd times."""
+"""Actuation of the base: delay, ramps and jitter, modelled by the filter."""
 
 import math
 

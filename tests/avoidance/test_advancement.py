@@ -108,7 +108,7 @@ def test_no_violation_is_missed(robot, seed):
 
 
 def test_seldom_counts_as_too_near_what_is_not():
-    """One that passes tangentially, at the level or a hair above it, may."""
+    """False alarms are rare: tangential passes, at the threshold or just above."""
     near, far, count = 0, 0, 0
     for seed in range(60):
         rng = np.random.default_rng(seed)

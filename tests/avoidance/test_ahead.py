@@ -162,7 +162,7 @@ def test_relaxed_exactly_where_nothing_keeps_r_min(robot):
 
 @robots
 def test_a_step_keeps_to_its_memory(robot):
-    """What lies before and after stays; what was in it does not matter."""
+    """Memory before and after it is unchanged; its previous content has no effect."""
     rng = np.random.default_rng(8)
     known = robot.footprint.edges, robot.limit_vector
     for look in ((), (1.9, 0.7, 0.07), (0.3, 0.3, 0.1)):

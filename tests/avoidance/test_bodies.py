@@ -1,4 +1,4 @@
-"""What the look-ahead sees: bodies, their reach and their margins."""
+"""Bodies of the look-ahead, their reach and their margins."""
 
 import math
 from dataclasses import replace

@@ -29,7 +29,7 @@ def as_points(walls, pitch=0.05):
 
 
 def told_as(walls, kind):
-    """The same walls as points, as capsules without length, or as they are."""
+    """Walls as points, as capsules without length, or as walls."""
     walls = np.array(walls, dtype=float)
     if kind == "points":
         return {"points": as_points(walls)}
@@ -84,7 +84,7 @@ def test_a_millimetre_is_enough(kind, dt):
 @steps
 @pytest.mark.parametrize("side", [0.171, 0.175, 0.2])
 def test_it_does_not_matter_how_the_walls_are_known(side, dt):
-    """The same twists within 1 %."""
+    """Twists agree within 1 % for walls, capsules and points."""
     one, *others = (corridor(kind, side, dt) for kind in KINDS)
     for other in others:
         assert np.abs(other[:, 3:] - one[:, 3:]).max() <= 0.01

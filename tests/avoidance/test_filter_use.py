@@ -100,7 +100,7 @@ def test_it_says_for_how_long_its_plan_was_checked():
 
 
 def in_thread(work):
-    """What happens in a thread of its own: a result, or what was raised."""
+    """Result of a call in a thread of its own, or the exception raised."""
     found = []
 
     def run():

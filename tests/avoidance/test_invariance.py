@@ -1,4 +1,4 @@
-"""The same world told differently gives the same twists, over sequences of steps."""
+"""Equivalent descriptions of a world give equal twists, over sequences of steps."""
 
 from itertools import pairwise
 

@@ -57,12 +57,12 @@ def room(scene, rollout, body, time, corners):
 
 
 def least(scene, body):
-    """What counts as enough room: −ε of what stands, half of it of what moves."""
+    """Least sufficient margin: −ε for static obstacles, −ε/2 for moving ones."""
     return (0.5 if table.Body(*body).kind == table.MOVES else 1.0) * lowest(scene)
 
 
 def granted(body):
-    """What the row of a body that is near already is granted."""
+    """Relaxation of the row of a body that is already inside its required distance."""
     return max(lin.ROW_ROOM - table.Body(*body).now, 0.0)
 
 

@@ -1,4 +1,4 @@
-"""What widens obstacles: errors, age, acceleration, the closing speed; and horizons."""
+"""Margins for errors, age, acceleration and closing speed; horizons."""
 
 from dataclasses import replace
 

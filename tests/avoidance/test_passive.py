@@ -10,8 +10,6 @@ from driven import driven_to, gap_at, least_in_all, lines_of, lines_of_world
 from hostile import R_MIN, Case, epsilon, make_demands, make_scene
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.judge import rests_in_time
-from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.errors import InvalidInputError
 from qpavoid.model.obstacles import Obstacles
 from rollouts import scene_of
 
@@ -135,8 +133,3 @@ def test_what_stands_is_not_touched_for_the_sake_of_what_moves():
             pose = driven_to(pose, *decision[:2], CASE.dt)
             assert nearest(pose, world) >= R_MIN - epsilon(R_MIN)
     assert met > 10
-
-
-def test_it_needs_the_rule_of_braking():
-    with pytest.raises(InvalidInputError, match="passive needs braking_room"):
-        AvoidanceSettings(passive=True, braking_room=False)

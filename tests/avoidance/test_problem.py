@@ -24,7 +24,7 @@ robots = pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
 
 
 def wishes(rng):
-    """The same twist for a while, or another one every step."""
+    """Sequence of commands: constant for a while, or changed in every step."""
     box = [-1.0, -1.5], [1.0, 1.5]
     if rng.random() < 0.5:
         return np.repeat(rng.uniform(*box, (1, 2)), STEPS, axis=0)
@@ -43,7 +43,7 @@ def sequences(robot, ahead, count, seed, solver="exact", ask=True):
 
 
 def off(problem, solver, decision):
-    """How far the answer to a problem is from the decision's twist."""
+    """Distance of a problem's solution from the decision's twist."""
     solution = solve(problem, solver, SETTINGS.slack_tolerance)
     if solution.status is SolveStatus.FAILED:
         return math.nan

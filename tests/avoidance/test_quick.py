@@ -27,7 +27,7 @@ NEAR = np.array([[0.9, 0.1], [1.4, -0.3]])
 
 
 def answered(safety, v, omega, points):
-    """What is answered at once; None: nothing."""
+    """Answer of the quick path; None if it does not apply."""
     return safety._engine.quick(v, omega, points, *GIVEN[3:])
 
 

@@ -83,7 +83,7 @@ def test_the_places_of_a_plan_are_those_of_the_steps(robot, seed):
 @every_robot
 @given(seeds)
 def test_the_rest_of_a_plan_is_the_same_way(robot, seed):
-    """What the theorems of the judge rest on: a step later, from there."""
+    """Premise of the theorems: a plan's remainder, a step later, is its motion."""
     rng = np.random.default_rng(seed)
     plan, twist = some_plan(rng), (0.1, -0.2)
     scene = scene_of(robot, NOTHING)

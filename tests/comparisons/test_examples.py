@@ -22,7 +22,7 @@ SHOWN = {
     "swap": "robot 0: arrived.*\nrobot 1: arrived",
     "own_method": r"Careful: arrived.*\nqp-ahead\+guide: arrived",
 }
-"""What each prints."""
+"""Expected output of each example, as a pattern."""
 
 
 @pytest.mark.parametrize("name", SHOWN)

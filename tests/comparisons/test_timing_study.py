@@ -1,26 +1,20 @@
 """The timing study: recorded problems, counted answers, tables. No time is judged."""
 
-import contextlib
 import json
 import math
 import stat
-import warnings
 from collections import Counter
 
 import numpy as np
 import pytest
 
 from oracles import large_answer
-from qpavoid.errors import MissingExtraError, QPAvoidError, UnknownNameError
+from qpavoid.errors import QPAvoidError
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.qp.backend_qpsolvers import TIGHT
 from qpavoid.qp.solve import load_back_end
-from timing import cold_start, ros_wire, solvers, steps, throughput
-from timing.contenders import CONTENDERS
+from timing import cold_start, ros_wire, solvers, steps
 from timing.loops import scan
-from timing.peers import Daqp
-from timing.recorded import CLEAR, as_problem, polished, record_problems, record_scans
-from timing.tables import pivot, text
+from timing.recorded import CLEAR, as_problem, polished, record_problems
 from timing.trials import (
     BLOCK,
     Case,
@@ -35,13 +29,6 @@ from timing.trials import (
 
 SMALL = Plan(50, passes=1, budget_s=60.0, infeasible=3, scans=4, calls=2)
 TINY = Plan(20, passes=1, budget_s=0.5, infeasible=2, scans=6, calls=1)
-
-OFF = {"osqp default", "proxqp default", "piqp default", "clarabel default"}
-OFF |= {"casadi:qpoases"}
-"""Loose settings, and a hot start that goes astray: that is what the study shows."""
-
-NO_STATUS = {"cbfpy:elastiqp", "cbfpy:qpax"}
-"""They answer infeasible problems without a status."""
 
 
 @pytest.fixture(scope="module")
@@ -108,12 +95,6 @@ def test_echoes_lie_on_the_nearest_disc_and_move_with_it():
     assert scan(Obstacles(discs=[(0.1, 0.0, 1.0)]), 360)[0].shape == (0, 3)
 
 
-@pytest.mark.parametrize("points", [1, 10, 1000])
-def test_scans_have_exactly_the_points_asked_for(points):
-    scans = record_scans(points, 5)
-    assert [one.points.shape for one in scans] == [(points, 2)] * 5
-
-
 # ------------------------------------------------------------------ how it is counted
 def test_judge_counts_wrong_missing_and_false_answers():
     timed = Trials([0.0, 0.9e-5, 2e-5, math.nan], [1000, 2000, 4000, 3000], {1, 2, 3})
@@ -166,72 +147,6 @@ def test_contenders_take_turns_and_each_block_is_led_in(bank):
     assert own == Counter([*range(count), *led])
 
 
-# ------------------------------------------------------------------ contenders
-def loaded(name):
-    """Return a solver; skip where it is not installed."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        try:
-            return solvers.load(name)
-        except MissingExtraError as error:
-            pytest.skip(str(error))
-
-
-@pytest.fixture(scope="module")
-def few():
-    problems = record_problems(5, 60)
-    infeasible = [p for p in problems if p.slack][:2]
-    return cases([p for p in problems if not p.slack][::6] + infeasible)
-
-
-@pytest.fixture(scope="module")
-def rows(few):
-    contenders = {}
-    for name in {*CONTENDERS} - NO_STATUS:
-        with contextlib.suppress(pytest.skip.Exception):
-            contenders[name] = of_back_end(loaded(name))
-    return race(contenders, few, SMALL)
-
-
-@pytest.mark.parametrize("name", sorted({*CONTENDERS} - NO_STATUS))
-def test_a_contender_is_right_and_truthful(name, few, rows):
-    loaded(name)
-    row = rows[name]
-    assert row["false_infeasible"] == 0 and row["infeasible_calls"] == 2
-    assert row["calls"] == len(few) - 2
-    if name not in OFF:
-        assert row["wrong"] == 0
-    assert row["false_ok"] == row["wrong"]
-
-
-def test_cbfpy_answers_the_infeasible_too(few):
-    name = "cbfpy:elastiqp"
-    row = race({name: of_back_end(loaded(name))}, few, SMALL)[name]
-    assert row["wrong"] == row["false_infeasible"] == 0
-    assert row["false_ok"] == row["infeasible_calls"] == 2
-
-
-def test_a_workspace_takes_fewer_rows_and_grows():
-    solver = Daqp(TIGHT["daqp"])
-    for count in (5, 3, 5, 1, 20, 5):
-        problem = next(p for p in record_problems(count, 30) if not p.slack)
-        np.testing.assert_allclose(solver(problem.scaled), problem.optimum, atol=1e-8)
-
-
-def test_unknown_and_absent_solvers_are_said(tmp_path, monkeypatch):
-    with pytest.raises(UnknownNameError, match="did you mean 'osqp'"):
-        solvers.bench(tmp_path / "out", SMALL, ["exact", "osq"])
-
-    def fail():
-        raise ImportError
-
-    entry = CONTENDERS["piqp"]._replace(load=fail)
-    monkeypatch.setitem(CONTENDERS, "piqp", entry)
-    with pytest.raises(MissingExtraError, match=r"qpavoid\[bench\]"):
-        solvers.bench(tmp_path / "out", SMALL, ["piqp"])
-    assert not (tmp_path / "out").exists()
-
-
 @pytest.mark.long
 def test_the_study_of_solvers(tmp_path, monkeypatch):
     monkeypatch.setattr(solvers, "ROWS", (5, 20))
@@ -280,14 +195,6 @@ def test_memory_does_not_grow():
 
 
 # ------------------------------------------------------------------ the other studies
-def test_loops_a_second():
-    loops = throughput.make_loops(2, 1)
-    tracker = throughput.KanayamaTracker(throughput.Gains(1.0, 4.0, 2.0))
-    settings = throughput.AvoidanceSettings(dt=throughput.DT)
-    batch = throughput.Batch(throughput.Robot.mir100(), tracker, settings)
-    assert throughput.steps_a_second(batch, "eq5", loops, 1) > 0.0
-
-
 def test_cold_starts_tell_what_failed(monkeypatch):
     broken = "broken", ("-c", "raise SystemExit('it broke')")
     monkeypatch.setattr(cold_start, "STARTS", (("nothing", ("-c", "")), broken))
@@ -319,16 +226,3 @@ def test_values_of_the_node_have_units(tmp_path):
     assert rows["kill", "hold"]["value"] == 100.0
     with pytest.raises(QPAvoidError, match="ended with 3"):
         ros_wire.played(program(tmp_path / "python", "exit 3"), [])
-
-
-# ------------------------------------------------------------------ tables
-def test_a_table_has_ratios_to_a_peer_and_no_faults_where_none_were_counted():
-    row = {"p99_us": 2.0, "rows": 5, "calls": 200, "infeasible_calls": 0}
-    faults = "wrong", "false_ok", "false_infeasible"
-    counted = row | {"who": "a", "median_us": 1.0} | dict.fromkeys(faults, 1)
-    uncounted = row | {"who": "b", "median_us": 4.0} | dict.fromkeys(faults)
-    lines = pivot([counted, uncounted], "who", "rows", "b").splitlines()
-    assert lines[2].endswith("| 2 | 0.25 | 0.5 % | 0.5 % | 0.5 % |")
-    assert lines[3].endswith("| 2 | 1 | – | – | – |")
-    cells = {None: "–", 1234567.8: "1,234,568", 12.345: "12.3", 2.34e-9: "2e-09"}
-    assert all(text(value) == cell for value, cell in cells.items())

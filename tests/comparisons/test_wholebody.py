@@ -7,7 +7,6 @@ import pytest
 
 from places import COMPARISONS
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.errors import InvalidInputError
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
@@ -194,15 +193,3 @@ def test_where_the_goal_is_taken_the_arm_keeps_off_it():
     base, arm = clearances(way)
     assert base > 0.17 - 0.001
     assert 0.05 - 0.001 < arm < 0.06
-
-
-def test_bad_input():
-    with pytest.raises(InvalidInputError, match="spheres"):
-        SpheresLimit([], 1.0, 1.0, 1.0)
-    with pytest.raises(InvalidInputError, match=r"0\.1 s"):
-        limits()[0].compute_qp_inequalities(configuration(), 0.1)
-    _, arm = limits()
-    for balls, message in (([(0.0, 0.0, 1.0)], r"\(n, 4\)"), (-BALLS, "radii")):
-        arm.balls = balls
-        with pytest.raises(InvalidInputError, match=message):
-            arm.compute_qp_inequalities(configuration(), DT)

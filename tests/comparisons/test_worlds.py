@@ -1,4 +1,4 @@
-"""What published worlds say beside the runs, and DynaBARN's episodes."""
+"""Figures of published worlds beside the runs, and DynaBARN's episodes."""
 
 import json
 import math

@@ -79,18 +79,6 @@ def test_a_filter_has_the_bits_of_numba(both, name):
     assert {-1, 0, 1, 2} <= compare(both, name, problems_of(name)[:900])
 
 
-@pytest.mark.slow
-def test_all_filters_have_the_bits_of_numba(both):
-    """A hundred thousand steps, all statuses."""
-    seen, rng = set(), np.random.default_rng(6)
-    from export_problems import hostile
-
-    while both["filter_step"].calls < 100_000:
-        for name, (robot, *_) in FILTERS.items():
-            seen |= compare(both, name, hostile(rng, 2_000, robot))
-    assert {-1, 0, 1, 2, 6, 7, 10} <= seen
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("method", ["eq5", "eq7", "qp", "qp-ahead+guide"])
 def test_a_run_has_the_bits_of_numba(both, method):
@@ -384,6 +372,7 @@ def package(native, tmp_path_factory):
         elif not path.name.startswith("_native"):
             (ours / path.name).symlink_to(path)
     (ours / "_native.abi3.so").symlink_to(native.__file__)
+    (folder / "configs").symlink_to(ROOT / "configs")
     return folder
 
 
@@ -424,12 +413,14 @@ for name, more in {"scan": "", "points": "perception = false"}.items():
     assert not main(["run", f"{name}.toml", "--out", "run", "--quiet"])
 args = ["scan.toml", "--controllers", "eq5,qp,qp-ahead,dwa", "--out", "all"]
 assert not main(["compare", *args, "--quiet"])
+args = ["studies/smoke", "--out", "rows", "--workers", "1"]
+assert not main(["sweep", *args, "--quiet"])
 print("done")
 """
 
 
 @pytest.mark.long
-def test_compare_and_run_do_without_numba(package, tmp_path):
+def test_compare_run_and_sweep_do_without_numba(package, tmp_path):
     config = ROOT / "configs" / "paper" / "test_case_1.toml"
     command = [sys.executable, "-P", "-c", NO_NUMBA, str(config)]
     environment = os.environ | {"PYTHONPATH": str(package)}
@@ -525,7 +516,7 @@ OTHERS = {
     "x86_64-macos": (MACOS, bytes.fromhex("cffaedfe")),
     "aarch64-macos": (MACOS, bytes.fromhex("cffaedfe")),
 }
-"""What wheels are also made for: flags, and what such a file begins with."""
+"""Other targets of wheels: compiler flags, and first bytes of the file."""
 
 
 @pytest.mark.slow

@@ -211,7 +211,7 @@ def test_what_was_chosen_is_left_only_for_what_is_clearly_cheaper():
 
 
 def test_a_side_is_kept_for_seconds_where_nothing_moves():
-    """It turned to the right, and then passed on the left."""
+    """Regression: the robot turned right, then passed on the left."""
     nearer_left, chosen = qp.Obstacles(discs=[(2.0, -0.02, 0.3)]), nothing()
     choose(course(nearer_left), chosen, False)
     assert driven_candidate(chosen).a > 0.0 and chosen[SIDE] == SIDE_TICKS

@@ -145,7 +145,7 @@ def test_in_a_sealed_room_a_robot_of_any_speed_stands_and_says_blocked(v_max, re
     ids=["mir100", "jackal"],
 )
 def test_before_what_fills_its_way_it_stands_instead_of_turning(robot, radius, aside):
-    """It turned left and right up to 127 times in 30 s."""
+    """Regression: the robot turned left and right up to 127 times in 30 s."""
     guide = qp.Guide(robot)
     guide.go_to((0.0, 0.0, 0.0), (8.0, 0.0, 0.0))
     half = radius + aside + 0.05

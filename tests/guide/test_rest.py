@@ -105,7 +105,7 @@ def test_a_slow_passer_by_is_given_way_to_gently(bearing, speed):
 
 @pytest.mark.parametrize("seed", [56, 112])
 def test_a_robot_that_evaded_for_long_comes_back(seed):
-    """It did not come nearer to its place meanwhile: that is no reason to rest."""
+    """Lack of progress while evading is no reason to rest."""
     poses, touched = station.drive(station.people_of(seed), True)
     assert not any(touched)
     assert math.hypot(*poses[-1][:2]) < 0.02
@@ -128,7 +128,7 @@ def test_a_robot_that_was_pushed_far_away_comes_back():
 @pytest.mark.parametrize("turning", [0.5, 2.5])
 @pytest.mark.parametrize("v_min", [-0.3, 0.0])
 def test_where_nothing_is_near_a_slow_robot_comes_back(v_min, turning):
-    """It takes longer than what counts as no progress elsewhere."""
+    """Its return takes longer than the time that counts as a stall elsewhere."""
     limits = replace(LIMITS, v_min=v_min, angular_acceleration=turning)
     for k in range(8):
         angle = 0.25 * math.pi * k

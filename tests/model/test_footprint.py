@@ -84,7 +84,7 @@ def test_eq_8_is_strict_and_just_above_is_fine():
 
 @given(st.floats(0.2, 2.0), st.floats(0.2, 2.0), st.floats(0.01, 0.99))
 def test_eq_8_is_what_makes_the_turn_right(length, width, share):
-    """Where Eq. 8 holds, a positive lever on the whole left tip edge; by sampling."""
+    """Under Eq. 8 the lever is positive on the whole left tip edge; by sampling."""
     least = math.atan(width / length)
     angle = least + share * (math.pi / 2 - least)
     footprint = Footprint.pentagon(length, width, angle)

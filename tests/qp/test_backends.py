@@ -28,7 +28,7 @@ HARD = {
     (name, "1000 rows of a scan")
     for name in ("osqp", "qpsolvers:osqp", "casadi", "casadi:qrqp", "casadi:osqp")
 }
-"""Where an installed back end may give up, honestly: nearly parallel, very many."""
+"""Problems that a back end may report as failed: nearly parallel or very many rows."""
 
 NAMES = [
     pytest.param(

@@ -32,7 +32,7 @@ def python():
 
 @pytest.fixture(scope="session")
 def happened(python):
-    """What the peer tells of all scenes, once."""
+    """Results of all scenes, from one run of the peer."""
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     domain = str(random.SystemRandom().randrange(60, 100))
     done = subprocess.run(

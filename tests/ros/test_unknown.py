@@ -1,4 +1,4 @@
-"""What no sensor sees is not driven into; what is on the robot is no obstacle."""
+"""Unseen space is not entered; points on the robot are no obstacles."""
 
 import math
 
@@ -101,7 +101,7 @@ def test_other_sectors_do_not_stop_it(beams, wiring):
 
 @pytest.mark.parametrize("seed", [8, 10, 15, 24, 29, 57])
 def test_nothing_that_stands_is_touched_with_a_blind_sector(seed):
-    """Where the sector counts as free, each of these runs touches a post."""
+    """Regression: with the sector taken as free, each of these runs touches a post."""
     rng = np.random.default_rng(seed)
     posts = rng.uniform(-3.0, 3.0, (60, 2))
     posts = posts[np.hypot(*posts.T) > 0.9][:14]

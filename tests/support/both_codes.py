@@ -29,7 +29,7 @@ def bits(given):
 
 
 def told(function, given):
-    """What of the arguments is only read, by the annotations."""
+    """Arguments that are only read, by their annotations."""
     from inspect import signature
     from typing import get_type_hints
 

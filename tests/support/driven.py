@@ -1,4 +1,4 @@
-"""What was driven, judged by geometry of its own: exact arcs, and distances between.
+"""Oracle of driven motion with geometry of its own: exact arcs and their distances.
 
 Compiled, so that it can look closely; it shares no formula with the package, and
 ``test_driven.py`` holds it to the oracles. An obstacle is a line that moves: see
@@ -77,7 +77,7 @@ def line_gap(corners, x1, y1, x2, y2):
 
 @numba.njit(cache=True)
 def driven_to(pose, v, omega, time):
-    """Where a twist leads, by the circle itself."""
+    """Pose after a twist, by the circle's centre."""
     x, y, heading = pose
     end = heading + omega * time
     if abs(omega * time) < 1e-6:
@@ -104,7 +104,7 @@ def gap_at(corners, pose, line, time):
 
 @numba.njit(cache=True)
 def gaps_at(corners, poses, line, time):
-    """The same of many poses (N, 3), m."""
+    """Gaps at many poses (N, 3), m."""
     gaps = np.empty(len(poses))
     for i in range(len(poses)):
         pose = poses[i, 0], poses[i, 1], poses[i, 2]
@@ -204,7 +204,7 @@ def area_centroid(corners):
 
 
 def lines_of_world(world):
-    """The same of an ``Obstacles``; its walls stand."""
+    """Lines of an ``Obstacles``; its walls are static."""
     return lines_of(
         world.points,
         world.discs,

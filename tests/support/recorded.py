@@ -36,7 +36,7 @@ HEAVY = replace(
     MIR, limits=replace(MIR.limits, acceleration=1.0, angular_acceleration=2.0)
 )
 MOST = 50.0
-"""What is larger, or infinite, counts as this."""
+"""Upper bound of recorded numbers; larger and infinite ones are cut to it."""
 
 
 def sums(rows: list[list[float]]) -> list[float]:

@@ -58,7 +58,7 @@ def scene_of(robot, world, last=(0.0, 0.0), settings=SETTINGS, age=0.0, horizon=
 
 
 def rolled(scene, plan, now, held, many):
-    """What ``roll_out`` returns, in memory of its own.
+    """Result of ``roll_out``, in memory of its own.
 
     A compiled function that takes no part in counting references hands Python the whole
     array in place of a slice.
@@ -131,7 +131,7 @@ def line_of(body):
 
 
 def frame_of(rollout, time, dt=SETTINGS.dt):
-    """Where a rollout is at a time: x, y and heading."""
+    """Pose of a rollout at a time: x, y and heading."""
     row = np.searchsorted(rollout.arcs[:, BEGIN], time + 1e-12, "right") - 1
     at = pre.frame_at(pre.arc_at(rollout.arcs, int(row)), time, dt)
     return at.x, at.y, math.atan2(at.sin, at.cos)

@@ -47,7 +47,7 @@ class Harmless:
 
 @dataclass(frozen=True)
 class KillsOnce(Harmless):
-    """The same scenes; whoever runs number 3 first is killed by it."""
+    """Harmless scenes, of which number 3 kills the first process that runs it."""
 
     mark: str = ""
 
@@ -60,7 +60,7 @@ class KillsOnce(Harmless):
 
 @dataclass(frozen=True)
 class KillsAlways(Harmless):
-    """The same scenes; number 3 kills whoever runs it."""
+    """Harmless scenes, of which number 3 kills every process that runs it."""
 
     def sample(self, seed=None):
         if seed == 3:
@@ -70,7 +70,7 @@ class KillsAlways(Harmless):
 
 @dataclass(frozen=True)
 class Raises(Harmless):
-    """The same scenes; number 3 cannot be made."""
+    """Harmless scenes, of which number 3 cannot be made."""
 
     def sample(self, seed=None):
         if seed == 3:

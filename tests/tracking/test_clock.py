@@ -216,13 +216,6 @@ def test_a_robot_that_was_held_does_not_lunge(held_logs):
     assert never > 4.0
 
 
-def test_a_narrow_passage_is_driven_because_the_reference_waits(data_folder):
-    scenario = load_scenario("barn/world_180", data_folder)
-    waits = run(dataclasses.replace(scenario, waiting=Waiting()), "qp")
-    assert metrics(waits)["outcome"] == "arrived"
-    assert metrics(waits)["max_error_m"] < 0.5
-
-
 @pytest.mark.parametrize("bad", [{"free": 0.4}, {"wide": 0.05}])
 def test_bad_settings(bad):
     with pytest.raises(InvalidInputError, match="waiting needs"):

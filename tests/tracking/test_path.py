@@ -18,7 +18,7 @@ poses = st.tuples(st.floats(-3, 3), st.floats(-3, 3), st.floats(-3, 3))
 
 
 def hermite(path):
-    """The same curve as scipy's Bernstein polynomial: ends and end derivatives."""
+    """Cubic by scipy's Bernstein polynomial, of ends and end derivatives."""
     ends = [
         [pose[:2], (path.k * math.cos(pose[2]), path.k * math.sin(pose[2]))]
         for pose in (path.start, path.goal)

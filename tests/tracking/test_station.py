@@ -140,10 +140,6 @@ def test_law_by_hand():
     assert omega == pytest.approx(-3.3 + 2.5 * math.sqrt(3))
 
 
-def test_a_parked_robot_is_blind_to_a_lateral_error():
-    assert kanayama((0.0, 0.4, 0.0), (0.0, 0.0), (1.0, 1.0, 2.0)) == (0.0, 0.0)
-
-
 @given(
     st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(-1.0, 1.0), st.floats(-1, 1)
 )

@@ -9,10 +9,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
+import qpavoid.avoidance.repulsion
 import qpavoid.export.wasm
 import qpavoid.guide.guide
 import qpavoid.lab.sensing.lidar
-import qpavoid.lab.simulation.loop
 from qpavoid.compiled import ENTRIES
 from qpavoid.export.values import TEMPLATES
 from qpavoid.export.wasm import export_wasm
@@ -24,9 +24,9 @@ BUILT = Path(__file__).with_name("built")
 """Where :func:`build` puts them when a wheel is made; not there in a source tree."""
 
 SOURCES = (
+    qpavoid.avoidance.repulsion.__file__,
     qpavoid.guide.guide.__file__,
     qpavoid.lab.sensing.lidar.__file__,
-    qpavoid.lab.simulation.loop.__file__,
     qpavoid.export.wasm.__file__,
 )
 """Modules of the entries, with all that they import, and the one that writes them."""

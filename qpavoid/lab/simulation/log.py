@@ -23,9 +23,7 @@ class LogRow(NamedTuple):
 
     ``least_clearance_m`` is the least within the step, ``room_m`` that of clearance
     less r_min over all obstacles, ``changed`` 1 where the twist is another than
-    tracking alone would drive, ``progress_s`` the time on the path's own clock. The
-    last six are the limits of the step and the twist that the QP aims at; NaN in a run
-    that was not explained.
+    tracking alone would drive, ``progress_s`` the time on the path's own clock.
     """
 
     t_s: float
@@ -55,12 +53,6 @@ class LogRow(NamedTuple):
     solve_time_s: float
     changed: float
     status: float
-    v_low_mps: float
-    v_high_mps: float
-    omega_low_radps: float
-    omega_high_radps: float
-    v_aim_mps: float
-    omega_aim_radps: float
 
 
 COLUMNS = LogRow._fields
@@ -69,7 +61,7 @@ POLYGONS = {"corners": np.empty((1, 0, 2)), "polygons": np.empty(0)}
 """Defaults of arrays that older logs, without polygons, lack."""
 
 ARRAYS = (
-    *("final", "final_reference", "discs", "points", "walls", "vertices", "planes"),
+    *("final", "final_reference", "discs", "points", "walls", "vertices"),
     *POLYGONS,
 )
 """Arrays of a log beside its columns."""
@@ -100,9 +92,6 @@ class Log:
             time, world frame.
         polygons: (P,) how many of them each has.
         vertices: (k, 2) the footprint, robot frame.
-        planes: (n, K, 4) rows of the QP, see
-            :class:`qpavoid.lab.simulation.simulation.QPRecord`; K = 0 in a run that was
-            not explained.
     """
 
     meta: Mapping[str, Any]
@@ -113,7 +102,6 @@ class Log:
     points: Array
     walls: Array
     vertices: Array
-    planes: Array
     corners: Array = field(default_factory=lambda: POLYGONS["corners"])
     polygons: Array = field(default_factory=lambda: POLYGONS["polygons"])
 
@@ -209,7 +197,6 @@ SHAPES = {
     "points": (None, 2),
     "walls": (None, 4),
     "vertices": (None, 2),
-    "planes": ("n", None, 4),
     "corners": (None, None, 2),
     "polygons": (None,),
 }

@@ -30,7 +30,6 @@ from qpavoid.lab.baselines.drive import Command, stepping
 from qpavoid.lab.load import load_object, source_of
 from qpavoid.lab.planning.grid import SEARCHES
 from qpavoid.lab.simulation.log import CLOSED_FORM, ITS_OWN
-from qpavoid.lab.simulation.loop import EQ5, EQ7, QP, QP_AHEAD, TRACK_ALONE
 from qpavoid.lab.simulation.scenario import Scenario
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
@@ -47,14 +46,12 @@ class Entry(NamedTuple):
         make: Makes it of robot and settings, and of a back end's name where it is a
             QP; or ``module:Class`` below ``qpavoid.lab.baselines``, loaded when used.
         solver: What tables say of its back end; empty: the one that is asked for.
-        compiled: Its number in the compiled loop; −1: it is not there.
         package: What it imports of the extra ``baselines``.
     """
 
     description: str
     make: Factory | str
     solver: str = ITS_OWN
-    compiled: int = -1
     package: str = ""
 
 
@@ -70,19 +67,16 @@ REGISTRY: dict[str, Entry] = {
         "Eq. 5: repulsive translation and rotation",
         partial(RepulsionController, 5),
         CLOSED_FORM,
-        EQ5,
     ),
     "eq7": Entry(
         "Eq. 7, as it is read: repulsive rotation only",
         partial(RepulsionController, 7),
         CLOSED_FORM,
-        EQ7,
     ),
     "qp": Entry(
         "QP filter: the nearest twist that keeps its distance, by the present alone",
         partial(FilterController, ahead=False),
         "",
-        QP,
     ),
     "qp-repulsion": Entry(
         "QP filter, P_r driven away at ẋ_0 as Eq. 5 wants it: no room to stop",
@@ -93,13 +87,8 @@ REGISTRY: dict[str, Entry] = {
         "QP filter that looks ahead: keeps its distance in the seconds to come as well",
         FilterController,
         "",
-        QP_AHEAD,
     ),
-    "alone": Entry(
-        "tracking alone: nothing is avoided",
-        "drive:Baseline",
-        compiled=TRACK_ALONE,
-    ),
+    "alone": Entry("tracking alone: nothing is avoided", "drive:Baseline"),
     "stop": Entry(
         "stop and wait: slows down, stops, goes on when free", "stopping:StopController"
     ),

@@ -2,15 +2,14 @@
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from qpavoid.avoidance.decision import BLOCKED, RELAXED
-from qpavoid.compiled import compiled, entry
 from qpavoid.model.kinematics import wrap_angle
-from qpavoid.types import Array, Pose, Record
+from qpavoid.types import Array, Pose, Twist
 
 if TYPE_CHECKING:
     from qpavoid.lab.simulation.log import Log
@@ -27,11 +26,6 @@ not come :data:`PROGRESS` far at the end, how long it ran (s), clearance at time
 how many contacts began in a step in which it drove faster than :data:`CRAWL`, mean jerk
 (m/s³, see :func:`mean_jerk`), and how far it drove, to and fro (m)."""
 
-Outcome: TypeAlias = Annotated[
-    npt.NDArray[np.void], Record("loop_outcome", OUTCOME, written=True)
-]
-"""One of them, (1,)."""
-
 CRAWL = 0.01
 """m/s; a robot none of whose points is faster stands."""
 
@@ -41,17 +35,16 @@ PROGRESS = 0.1
 STALLED = 5.0
 """s without having come :data:`PROGRESS` far at the end of a run."""
 
+UNCHANGED = 1e-6
+"""m/s and rad/s; greatest difference that is not counted as a change of the twist."""
+
 SETTLED = 1.0
 """s at the goal after which nothing more is expected to happen, unless one says so."""
 
 
-@entry
-@compiled
-def is_over(
-    time: float, quiet: float, outcome: Outcome, settled: float = SETTLED
-) -> bool:
-    """Return whether nothing more is expected to happen."""
-    return bool(time > max(quiet, outcome[0].arrived + settled))
+def differs(free: Twist, twist: Twist) -> bool:
+    """Return whether a twist is not what the robot would drive if it were alone."""
+    return abs(twist[0] - free[0]) + abs(twist[1] - free[1]) > UNCHANGED
 
 
 class Goal(NamedTuple):
@@ -67,20 +60,11 @@ class Goal(NamedTuple):
     near: float
     aligned: float
 
-
-@entry
-@compiled
-def note_arrival(outcome: Outcome, goal: Goal, pose: Pose, time: float) -> None:
-    """Write the errors at the goal, and since when they have been small enough."""
-    (x, y, heading), (x_goal, y_goal, heading_goal) = pose, goal.pose
-    o = outcome[0]
-    error = math.sqrt((x - x_goal) ** 2 + (y - y_goal) ** 2)
-    heading_error = abs(wrap_angle(heading - heading_goal))
-    if error > goal.near or heading_error > goal.aligned:
-        o.arrived = math.inf
-    elif o.arrived == math.inf:
-        o.arrived = time
-    o.error, o.heading_error = error, heading_error
+    def holds(self, pose: Pose) -> bool:
+        """Return whether a pose has arrived, world frame."""
+        (x, y, heading), (x_goal, y_goal, heading_goal) = pose, self.pose
+        near = math.sqrt((x - x_goal) ** 2 + (y - y_goal) ** 2) <= self.near
+        return near and abs(wrap_angle(heading - heading_goal)) <= self.aligned
 
 
 def mean_jerk(v: Array, dt: float) -> float:
@@ -101,7 +85,7 @@ def contacts_moving(least: Array, pace: Array) -> npt.NDArray[np.intp]:
 
 
 def outcome_of(log: "Log") -> npt.NDArray[np.void]:
-    """Return the outcome of a run from its log: what the compiled loop notes."""
+    """Return the outcome (1,) of a run from its log."""
     dt, times, status = log.meta["dt_s"], log["t_s"], log["status"]
     x, y = (np.append(log[key], log.final[i]) for i, key in enumerate(("x_m", "y_m")))
     heading = np.append(log["heading_rad"], log.final[2])[1:]

@@ -9,7 +9,7 @@ import numpy as np
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.simulation.log import COLUMNS, Log, LogRow, provenance, read_only
 from qpavoid.lab.simulation.methods import name_of, solver_of
-from qpavoid.lab.simulation.outcome import OUTCOME, Goal, is_over, note_arrival
+from qpavoid.lab.simulation.outcome import Goal
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.lab.simulation.simulation import Simulation
 from qpavoid.model.capsules import OWNER, PIVOT_X, PIVOT_Y, TURN, V_X, X1, Y1
@@ -92,7 +92,6 @@ def run(
     controller: Any,
     solver: str = "exact",
     progress: Callable[[int], None] = lambda steps: None,
-    explain: bool = False,
 ) -> Log:
     """Simulate one controller on a scenario.
 
@@ -108,7 +107,6 @@ def run(
             :class:`~qpavoid.lab.simulation.methods.OwnController`.
         solver: Back end of the QP filter; other methods have none.
         progress: Called after every step with the number of steps done.
-        explain: Log the QP of every step too, for replays; costs about another step.
 
     Raises:
         UnknownNameError: No controller or back end of that name.
@@ -119,7 +117,7 @@ def run(
     if scenario.robots:
         many = len(scenario.robots)
         raise InvalidInputError(f"{scenario.name} has {many} robots: see run_fleet")
-    (log,) = run_fleet(scenario, controller, solver, progress, explain)
+    (log,) = run_fleet(scenario, controller, solver, progress)
     return log
 
 
@@ -128,7 +126,6 @@ def run_fleet(
     controller: Any,
     solver: str = "exact",
     progress: Callable[[int], None] = lambda steps: None,
-    explain: bool = False,
 ) -> list[Log]:
     """Simulate all robots of a scenario in lockstep, and return the log of each.
 
@@ -142,13 +139,12 @@ def run_fleet(
         controller: Of every robot to which the scenario gives none of its own.
         solver: As :func:`run` takes it.
         progress: The same.
-        explain: The same.
 
     Raises:
         QPAvoidError: As :func:`run` does.
     """
     robots = enumerate(scenario.robots or (scenario,))
-    fleet = [_Robot(i, one, controller, solver, explain) for i, one in robots]
+    fleet = [_Robot(i, one, controller, solver) for i, one in robots]
     meeting = fleet if len(fleet) > 1 else []
     times = scenario.times
     for k, time in enumerate(times[:-1].tolist()):
@@ -177,10 +173,9 @@ class _Robot:
         scenario: Scenario,
         controller: Any,
         solver: str,
-        explain: bool,
     ) -> None:
         driver = scenario.controller or controller
-        simulation = Simulation(scenario, driver, solver, explain)
+        simulation = Simulation(scenario, driver, solver)
         first = Simulation(scenario, driver, solver)
         # Of a simulation that is thrown away, since a step changes its state.
         first.step(0.0, scenario.world.at(0.0))  # compiles, before the clock runs
@@ -189,11 +184,10 @@ class _Robot:
         self._body = RobotObstacle(scenario.robot.footprint, number)
         self._drives = (0.0, 0.0), 0.0
         self._goal = Goal(simulation.goal, *scenario.arrival)
-        self._arrival = np.full(1, np.inf, OUTCOME)
+        self._arrived = math.inf
         self._rows: list[LogRow] = []
         self._discs: list[Array] = []
         self._corners: list[Array] = []
-        self._planes: list[Array] = []
 
     def body(self, dt: float = 0.0) -> Array:
         """Return it as the others meet it, as it drives on for ``dt`` s."""
@@ -206,19 +200,18 @@ class _Robot:
 
     def advance(self, time: float, after: float, obstacles: Obstacles) -> None:
         """Drive it among obstacles, world frame, and take it down."""
-        row, _, problem = self._simulation.advance(time, obstacles, self._move)
-        self._rows.append(row)
-        self._planes.append(problem.planes)
+        self._rows.append(self._simulation.advance(time, obstacles, self._move))
         self._discs.append(obstacles.discs)
         sizes = obstacles.sizes
         edges = obstacles.capsules[np.repeat(sizes, sizes) > 1]
         self._corners.append(edges[:, X1 : Y1 + 1])
         self._sizes = sizes[sizes > 1]
-        note_arrival(self._arrival, self._goal, self._simulation.pose, after)
+        there = self._goal.holds(self._simulation.pose)
+        self._arrived = min(self._arrived, after) if there else math.inf
 
     def is_over(self, time: float) -> bool:
         """Return whether nothing more is expected to happen."""
-        return is_over(time, 0.0, self._arrival, self._scenario.settled)
+        return time > self._arrived + self._scenario.settled
 
     def log(self, fleet: dict[str, int]) -> Log:
         """Return its log, with what is said of the fleet that it is in, if it is."""
@@ -229,7 +222,6 @@ class _Robot:
             columns=dict(zip(COLUMNS, map(read_only, rows), strict=True)),
             final=read_only(self._simulation.pose),
             final_reference=read_only(scenario.path.sample(AT_LAST)[0]),
-            planes=read_only(self._planes),
             discs=read_only(self._discs),
             corners=read_only(self._corners),
             polygons=read_only(self._sizes),

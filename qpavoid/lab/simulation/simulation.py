@@ -5,12 +5,9 @@ from collections.abc import Callable
 from time import perf_counter
 from typing import Any, NamedTuple, TypeAlias
 
-import numpy as np
-
-from qpavoid.avoidance.controllers import Controller, FilterController, StepContext
+from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import BLOCKED, Decision
 from qpavoid.avoidance.scene import Setup
-from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.guide.guide import PathTracking
 from qpavoid.guide.stage import GuideStage, Tracking
 from qpavoid.guide.state import Progress
@@ -25,8 +22,8 @@ from qpavoid.lab.simulation.clearance import (
     room_on_the_way,
 )
 from qpavoid.lab.simulation.log import LogRow
-from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.simulation.methods import find_method, make_controller
+from qpavoid.lab.simulation.outcome import differs
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.model.capsules import PIVOT_X, V_X, V_Y, X1, X2, Y1, greatest_speed, like
 from qpavoid.model.contacts import contact_at, contact_table, empty_contacts
@@ -39,76 +36,6 @@ from qpavoid.perception.settings import PerceptionSettings
 from qpavoid.qp.solve import find_back_end
 from qpavoid.tracking.kanayama import tracking_error
 from qpavoid.types import Array, Pose, Twist
-
-MOST_PLANES = 16
-"""Rows that are kept of a step: those nearest to the twist aimed at."""
-
-
-class QPRecord(NamedTuple):
-    """The QP of one step.
-
-    Attributes:
-        limits: Least and greatest v (m/s), least and greatest ω (rad/s) of this step,
-            and the twist aimed at: the desired one, or where the look-ahead turned it.
-        planes: (:data:`MOST_PLANES`, 4) rows a_v, a_ω, b, obstacle with
-            a_v v + a_ω ω ≥ b, NaN where there are fewer; obstacle −1: a limit of the
-            robot.
-    """
-
-    limits: tuple[float, float, float, float, float, float]
-    planes: Array
-
-
-NOT_EXPLAINED = QPRecord((math.nan,) * 6, np.empty((0, 4)))
-
-
-class QPRecorder:
-    """Sets up at every step the QP that the filter would solve; it drives nothing.
-
-    Args:
-        robot: Footprint and limits.
-        settings: Of the filter.
-        driver: The controller that drives. The filters are gone along with
-            step by step, since they remember; of all others the rows of the present
-            are shown.
-    """
-
-    def __init__(
-        self, robot: Robot, settings: AvoidanceSettings, driver: Controller
-    ) -> None:
-        self._filters = isinstance(driver, FilterController)
-        if not isinstance(driver, FilterController):
-            driver = FilterController(robot, settings, ahead=False)
-        self._safety = driver.fresh()
-
-    def look(self, v: float, omega: float, seen: Obstacles) -> QPRecord:
-        """Return the QP for a desired twist among obstacles, robot frame."""
-        problem = self._safety.problem(v, omega, seen)
-        aim, size = problem.desired, np.hypot(*problem.A.T)
-        turns = np.flatnonzero(size > 0.0)
-        room = (problem.A[turns] @ aim - problem.b[turns]) / size[turns]
-        kept = turns[np.argsort(room, kind="stable")[:MOST_PLANES]]
-        planes = np.full((MOST_PLANES, 4), np.nan)
-        planes[: len(kept), :2] = problem.A[kept]
-        planes[: len(kept), 2] = problem.b[kept]
-        planes[: len(kept), 3] = problem.obstacle[kept]
-        box = zip(problem.lower.tolist(), problem.upper.tolist(), strict=True)
-        (v_low, v_high), (omega_low, omega_high) = box
-        return QPRecord((v_low, v_high, omega_low, omega_high, *aim.tolist()), planes)
-
-    def reset(self, v: float, omega: float) -> None:
-        """Forget everything but that the robot drives (v, ω)."""
-        self._safety.reset(v, omega)
-
-    def follow(
-        self, desired: tuple[float, float], seen: Obstacles, driven: tuple[float, float]
-    ) -> None:
-        """Remember what was driven in the step looked at last."""
-        if self._filters:
-            self._safety.filter(*desired, seen)
-        else:
-            self._safety.reset(*driven)
-
 
 Sensor: TypeAlias = Callable[[float, Obstacles, Pose], Obstacles]
 """From time, obstacles (world frame) and the true pose to obstacles, robot frame."""
@@ -240,25 +167,10 @@ DENSE, EXTRA = 200, 0.1
 """Obstacles; m of the nearest of so many that are looked at more than is needed."""
 
 
-class StepRecord(NamedTuple):
-    """One control step.
-
-    Attributes:
-        row: Its numbers.
-        decision: Of the controller.
-        problem: The QP of the step, where the run is explained.
-    """
-
-    row: LogRow
-    decision: Decision
-    problem: QPRecord
-
-
 class Move(NamedTuple):
     """Motion of a robot in a control step.
 
     Attributes:
-        seen: Sensed obstacles, robot frame.
         desired: Twist that it desires.
         blocked: Whether no way leads on.
         decision: Of the controller.
@@ -267,7 +179,6 @@ class Move(NamedTuple):
         time: Wall time of what decided, s: planner, guide and method.
     """
 
-    seen: Obstacles
     desired: Twist
     blocked: bool
     decision: Decision
@@ -314,7 +225,6 @@ class Simulation:
         scenario: What to run.
         controller: Name of the controller, or a method of one's own.
         solver: Back end of the QP filter; the closed-form laws have none.
-        explain: Set up the QP of every step too.
 
     Raises:
         UnknownNameError: No controller or back end of that name.
@@ -322,11 +232,7 @@ class Simulation:
     """
 
     def __init__(
-        self,
-        scenario: Scenario,
-        controller: Any,
-        solver: str = "exact",
-        explain: bool = False,
+        self, scenario: Scenario, controller: Any, solver: str = "exact"
     ) -> None:
         find_back_end(solver)
         found = find_method(controller)
@@ -349,9 +255,8 @@ class Simulation:
         self._round, self._step = make_guide(scenario), method.start()
         self._see, self._locate = make_sensor(scenario), make_localisation(scenario)
         self._drive, self._believed = make_plant(scenario), scenario.start
-        self._recorder = QPRecorder(robot, settings, method) if explain else None
 
-    def step(self, time: float, obstacles: Obstacles) -> StepRecord:
+    def step(self, time: float, obstacles: Obstacles) -> LogRow:
         """Drive for one control step among obstacles as they are now, world frame."""
         return self.advance(time, obstacles, self.decide(time, obstacles))
 
@@ -363,23 +268,22 @@ class Simulation:
         driven = self._limited(decision.v, decision.omega)
         drive = self._drive(*driven, self.scenario.dt)
         spent += decision.solve_time_s
-        return Move(seen, desired, blocked, decision, driven, drive, spent)
+        return Move(desired, blocked, decision, driven, drive, spent)
 
-    def advance(self, time: float, obstacles: Obstacles, move: Move) -> StepRecord:
-        """Drive what was decided for a control step, and return its record.
+    def advance(self, time: float, obstacles: Obstacles, move: Move) -> LogRow:
+        """Drive what was decided for a control step, and return its row.
 
         Args:
             time: At its beginning, s.
             obstacles: As they are then, world frame, with what they drive in it.
             move: What to drive.
         """
-        problem = self._explain(move)
-        row = self._row(time, obstacles.seen_from(self.pose), move, problem)
+        row = self._row(time, obstacles.seen_from(self.pose), move)
         dt, (wheels, ground, _) = self.scenario.dt, move.drive
         self.pose = integrate(self.pose, ground, move.lateral, dt)
         self.driven = move.driven
         self._believed = self._locate(self.pose, time + dt, wheels, dt)
-        return StepRecord(row, move.decision, problem)
+        return row
 
     def _guide(self, time: float, seen: Obstacles) -> tuple[Twist, bool, float]:
         """Return the twist to desire among what is seen, and whether there is none.
@@ -411,17 +315,7 @@ class Simulation:
         """Return the twist that the robot can drive in the coming step."""
         return limit_twist(self._setup.robot, (v, omega), self.driven, self.scenario.dt)
 
-    def _explain(self, move: Move) -> QPRecord:
-        """Return the QP of a step, where the run is explained."""
-        if self._recorder is None:
-            return NOT_EXPLAINED
-        problem = self._recorder.look(*move.desired, move.seen)
-        self._recorder.follow(move.desired, move.seen, move.driven)
-        return problem
-
-    def _row(
-        self, time: float, true: Obstacles, move: Move, problem: QPRecord
-    ) -> LogRow:
+    def _row(self, time: float, true: Obstacles, move: Move) -> LogRow:
         """Return the numbers of a step among obstacles as they are, robot frame."""
         decision, near = move.decision, self._contact(true)
         distance, r_min = near.clearance, near.r_min
@@ -443,7 +337,6 @@ class Simulation:
             move.time,
             differs(self._limited(*move.desired), move.driven),
             BLOCKED if held else decision.status.number,
-            *problem.limits,
         )
 
     def _room(
@@ -465,9 +358,8 @@ class Simulation:
             near = near + 2.0 * pace * self.scenario.dt
             seen = seen.within(near + high + EXTRA)
         arrays = seen.arrays
-        motion = Motion((0.0, 0.0, 0.0), driven, lateral, 0.0, pace)
         view = View(arrays, like(arrays), empty_contacts(edges, arrays))
-        return room_on_the_way(self._setup, motion, view, math.inf)
+        return room_on_the_way(self._setup, Motion(driven, lateral, pace), view)
 
     def _contact(self, seen: Obstacles) -> Nearest:
         """Return the nearest contact."""

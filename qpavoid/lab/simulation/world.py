@@ -104,15 +104,6 @@ class World:
     polygons: Obstacles = field(default_factory=Obstacles)
     pushed: tuple[Pushed, ...] = ()
 
-    @property
-    def is_steady(self) -> bool:
-        """Whether every obstacle keeps the velocity that it has at time 0, for good."""
-        return not self.pushed and all(
-            not track.fleeting
-            and (len(track.times) == 1 or (track.endless and len(track.times) == 2))
-            for track in self.tracks
-        )
-
     @cached_property
     def _still(self) -> Obstacles:
         """All obstacles of a world in which nothing moves."""

@@ -78,7 +78,6 @@ def compare(
             name,
             solver,
             lambda n: progress(done + n, skipped),  # noqa: B023
-            explain=out is not None,
         )
         steps = len(found[0])
         done, skipped = done + steps, skipped + scenario.steps - steps

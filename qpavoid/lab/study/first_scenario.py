@@ -18,67 +18,8 @@ WALKING = 0.4
 """m/s of who crosses; of a robot below 1 m/s, as share of its greatest speed."""
 
 
-TEXT = """\
-# {title}: a robot of one's own on its way past a post, a wall and somebody who walks.
-# qpavoid check {file}: what is wrong, if anything is
-# qpavoid run {file}: figures and a log in out/
-# qpavoid compare {file}: the same by several methods
-# qpavoid schema: every key, with unit and default
-title = "{title}"
-duration_s = {duration:g}
-dt_s = 0.05  # control step: how often your loop runs
-ends_at_goal = true
-
-[robot]
-# Corners of the convex footprint in m, counter-clockwise; x is ahead, y to the left,
-# and (0, 0) is the middle of the axle.
-footprint_m = {corners}
-v_min_mps = {v_min:g}  # 0.0: never backs up
-v_max_mps = {v_max:g}
-omega_min_radps = {omega_min:g}
-omega_max_radps = {omega_max:g}
-acceleration_mps2 = {acceleration:g}
-angular_acceleration_radps2 = {angular:g}
-
-[reference]
-kind = "spline"
-points_m = [[0.0, 0.0], [{half:g}, 0.0], [{length:g}, 0.0]]
-speed_mps = {speed:g}
-
-[tracking]
-station_keeping = true  # corrects a lateral error at rest
-waiting = true  # the reference waits for a robot that falls behind
-
-[radius]
-# r_min, kept from whatever is slow and from what is faster than 0.5 m/s.
-r_min_slow_m = 0.1
-r_min_fast_m = 0.15
-
-# [margins]
-# error_m = 0.02  # of a measured position
-
-# [lidar]  # without it the robot knows all obstacles exactly
-# beams = 360
-# range_m = 10.0
-# noise_m = 0.01
-# perception = false  # points alone, in place of static and moving obstacles
-
-[[obstacles]]
-kind = "disc"  # a post beside the way
-position_m = [{half:g}, {side:g}]
-radius_m = 0.15
-
-[[obstacles]]
-kind = "disc"  # somebody who crosses
-position_m = [{three:g}, {far:g}]
-radius_m = 0.3
-velocity_mps = [0.0, {pace:g}]
-
-[[obstacles]]
-kind = "wall"
-start_m = [0.0, {wall:g}]
-end_m = [{length:g}, {wall:g}]
-"""
+TEXT = Path(__file__).with_suffix(".txt")
+"""The file, with a place for each number."""
 
 
 def first_scenario(
@@ -105,7 +46,7 @@ def first_scenario(
     pace = min(WALKING, WALKING * limits.v_max)
     length = max(8.0, 8.0 * size)
     time = 3.0 * length / speed + 10.0 + 2.0 * speed / limits.acceleration
-    return TEXT.format(
+    return TEXT.read_text(encoding="utf-8").format(
         title=path.stem.replace("_", " ").replace('"', ""),
         file=path,
         duration=round(time),

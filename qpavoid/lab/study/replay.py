@@ -27,7 +27,7 @@ from qpavoid.errors import (
     did_you_mean,
 )
 from qpavoid.files import read_yaml
-from qpavoid.lab.simulation.loop import differs
+from qpavoid.lab.simulation.outcome import differs
 from qpavoid.lab.study.bags import BagWriter, Event, Recording
 from qpavoid.lab.study.style import BLUE, RED, SKY
 from qpavoid.lab.study.tables import write_csv

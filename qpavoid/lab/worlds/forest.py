@@ -9,13 +9,12 @@ the spot, each pose of the oriented footprint clear of everything by ``CLEARANCE
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import breadth_first_order
+import numpy.typing as npt
 
-from qpavoid.compiled import allocating
+from qpavoid.compiled import compiled_once, entry, entry_if
 from qpavoid.model.capsules import Segment
 from qpavoid.model.contact import point_contact, wall_separation
 from qpavoid.model.footprint import Footprint
@@ -23,7 +22,9 @@ from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.robot import Robot
 from qpavoid.settings import Range
 from qpavoid.tracking.path import SplinePath
-from qpavoid.types import Array, Pose
+from qpavoid.types import Array, Edges, Matrix, Pose, Sizes, VectorWritten
+
+Poses: TypeAlias = Annotated[Matrix, Sizes(0, 3)]
 
 CELL = 0.1
 """m; pitch of the lattice."""
@@ -119,6 +120,9 @@ def is_in_the_way(footprint: Footprint, scene: ForestScene) -> bool:
 
 def is_passable(footprint: Footprint, scene: ForestScene) -> bool:
     """Return whether a route from start to goal without reversing exists."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import breadth_first_order
+
     columns = round((scene.length + 2.0) / CELL) + 1
     poses, edges = lattice(columns)
     free = clear(footprint.edges, poses, scene.discs, scene.walls, CLEARANCE)
@@ -161,10 +165,9 @@ def nearest_node(columns: int, pose: Pose) -> int:
     return (k * rows + j) * columns + i
 
 
-@allocating
 def clear(
     edges: Array, poses: Array, discs: Array, walls: Array, clearance: float
-) -> np.ndarray:
+) -> npt.NDArray[np.bool_]:
     """Return for each pose whether the footprint keeps a clearance.
 
     Of walls :func:`wall_separation` is used, which is never more than the distance.
@@ -176,31 +179,57 @@ def clear(
         walls: (K, 4) m.
         clearance: m.
     """
-    circumradius = np.sqrt(edges[:, 0] ** 2 + edges[:, 1] ** 2).max()
-    result = np.ones(len(poses), dtype=np.bool_)
-    for n in range(len(poses)):
-        x, y, heading = poses[n]
+    free = np.ones(len(poses))
+    mark_nearer(edges, poses, free, discs, walls, clearance)
+    return free > 0.0
+
+
+@entry
+@compiled_once
+def _a_mark_a_pose(edges: Edges, poses: Poses, free: VectorWritten) -> bool:
+    """Return whether each pose has a number."""
+    return bool(free.shape[0] >= poses.shape[0])
+
+
+@entry_if(_a_mark_a_pose)
+@compiled_once
+def mark_nearer(
+    edges: Edges,
+    poses: Poses,
+    free: VectorWritten,
+    discs: Annotated[Matrix, Sizes(0, 3)],
+    walls: Annotated[Matrix, Sizes(0, 4)],
+    clearance: float,
+) -> None:
+    """Set ``free`` to 0 for poses nearer than a clearance; see :func:`clear`."""
+    circumradius = 0.0
+    for i in range(edges.shape[0]):
+        away = math.sqrt(edges[i, 0] ** 2 + edges[i, 1] ** 2)
+        circumradius = max(circumradius, away)
+    for n in range(poses.shape[0]):
+        x, y, heading = poses[n, 0], poses[n, 1], poses[n, 2]
         cos, sin = math.cos(heading), math.sin(heading)
-        for c_x, c_y, radius in discs:
-            d_x, d_y = c_x - x, c_y - y
+        for k in range(discs.shape[0]):
+            d_x, d_y, radius = discs[k, 0] - x, discs[k, 1] - y, discs[k, 2]
             if d_x * d_x + d_y * d_y >= (circumradius + radius + clearance) ** 2:
                 continue
             touch = point_contact(edges, cos * d_x + sin * d_y, cos * d_y - sin * d_x)
             if touch.distance - radius < clearance:
-                result[n] = False
+                free[n] = 0.0
                 break
-        for x_1, y_1, x_2, y_2 in walls:
-            if not result[n]:
+        for k in range(walls.shape[0]):
+            if free[n] == 0.0:
                 break
-            u_x, u_y, w_x, w_y = x_1 - x, y_1 - y, x_2 - x, y_2 - y
+            u_x, u_y = walls[k, 0] - x, walls[k, 1] - y
+            w_x, w_y = walls[k, 2] - x, walls[k, 3] - y
             wall = Segment(
                 cos * u_x + sin * u_y,
                 cos * u_y - sin * u_x,
                 cos * w_x + sin * w_y,
                 cos * w_y - sin * w_x,
             )
-            result[n] = wall_separation(edges, wall).distance >= clearance
-    return result
+            if wall_separation(edges, wall).distance < clearance:
+                free[n] = 0.0
 
 
 def forest_document(family: int, number: int) -> dict[str, Any]:

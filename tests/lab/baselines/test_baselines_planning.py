@@ -55,7 +55,7 @@ def test_mppi_depth_is_that_of_the_contacts(seed):
 
 @pytest.mark.parametrize("seed", range(10))
 def test_mppi_misses_nothing_that_it_can_reach(seed):
-    """What is looked at once it can be reached, looked at from the beginning."""
+    """Costs equal those with every obstacle checked from the first stage on."""
     rng = np.random.default_rng(seed)
     ways, far = rng.uniform(-3.1, 3.1, 60), rng.uniform(1.4, 9.0, 60)
     places = far * np.array([np.cos(ways), np.sin(ways)])

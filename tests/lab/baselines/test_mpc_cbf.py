@@ -47,7 +47,7 @@ def test_no_barrier_shrinks_faster_than_by_its_share(gamma, count):
 
 
 def test_a_smaller_share_gives_way_sooner():
-    """What γ is for: an obstacle beyond the horizon slows the robot down."""
+    """With a small γ an obstacle beyond the horizon slows the robot down."""
     ahead = Obstacles(discs=[(2.4, 0.0, 0.3)])
     speeds = [
         planned(ahead, gamma=gamma)[0].twists[0, 0] for gamma in (0.03, 0.06, 1.0)

@@ -10,7 +10,6 @@ from qpavoid.errors import ConfigError
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
 from qpavoid.lab.sensing.plant import Plant
-from qpavoid.lab.simulation.batch import as_loop
 from qpavoid.lab.simulation.config import find_config
 from qpavoid.lab.simulation.log import COLUMNS
 from qpavoid.lab.simulation.run import run
@@ -77,15 +76,6 @@ def test_what_is_not_exact_costs_a_little(scenario, change, error):
     assert result["min_clearance_m"] > 0.1
     moved = np.hypot(*(log.final[:2] - [log["x_m"][0], log["y_m"][0]]))
     assert moved > 1.0
-
-
-@pytest.mark.parametrize(
-    "change",
-    [{"lidar": LidarSettings()}, {"localisation": Uwb()}, {"plant": Plant(slip=0.1)}],
-    ids=lambda change: next(iter(change)),
-)
-def test_the_compiled_loop_leaves_it_to_run(scenario, change):
-    assert as_loop(dataclasses.replace(scenario, **change)) is None
 
 
 SENSED = """

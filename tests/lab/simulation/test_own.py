@@ -210,34 +210,3 @@ def test_methods_of_the_package_are_not_looked_for_elsewhere(mine):
         assert own_file(name) is None
     methods.make_controller("dwa", qp.Robot.mir100(), qp.AvoidanceSettings())
     assert sys.path == before
-
-
-def test_a_sweep_runs_it_in_workers_and_knows_its_source(tmp_path, mine):
-    pytest.importorskip("pyarrow", reason="needs qpavoid[study]")
-    from qpavoid.lab.study.sweep.engine import sweep
-    from qpavoid.lab.study.sweep.store import read_rows
-    from qpavoid.lab.study.sweep.study import read_study
-
-    text = f"""
-title = "Mine"
-controllers = ["alone", "{mine}:halved"]
-[settings]
-duration_s = [1.0]
-[[scenarios]]
-config = "demo/trap"
-"""
-    (tmp_path / "study.toml").write_text(text)
-    study = read_study(tmp_path / "study.toml")
-    assert sweep(study, tmp_path / "out", workers=2) == 2
-    rows = read_rows(tmp_path / "out")
-    mine_rows = [row for row in rows if row["controller"] == f"{mine}:halved"]
-    assert len(mine_rows) == 1 and not mine_rows[0]["error"]
-    runs = {job.run for job in study.jobs()}
-    path = tmp_path / f"{mine}.py"
-    path.write_text(path.read_text() + "\n# changed\n")
-    from qpavoid.stamps import file_stamp, source_stamp
-
-    file_stamp.cache_clear()
-    source_stamp.cache_clear()
-    changed = {job.run for job in study.jobs()}
-    assert len(runs & changed) == 1  # that of the other method

@@ -26,7 +26,6 @@ from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
-from qpavoid.qp.solve import back_end_names, is_installed
 
 CONTROLLERS = ("eq5", "eq7", "qp", "qp-ahead")
 CASES = ("paper/test_case_1", "paper/test_case_2")
@@ -105,35 +104,6 @@ def test_as_printed_the_laws_run_away():
     assert worst > 100.0
 
 
-BACK_ENDS = [n for n in back_end_names() if n != "exact"]
-UNRELIABLE = ("qpsolvers:proxqp",)
-"""Finds no answer for some 3 % of the problems; the filter then brakes and says so."""
-
-
-@pytest.mark.parametrize("solver", BACK_ENDS)
-@pytest.mark.parametrize(
-    ("case", "seconds"),
-    [
-        ("paper/test_case_2", 5.0),
-        *(pytest.param(case, 20.0, marks=pytest.mark.slow) for case in CASES),
-    ],
-)
-def test_all_back_ends_drive_the_same_trajectory(logs, case, solver, seconds):
-    if not is_installed(solver):
-        pytest.skip(f"{solver} is not installed")
-    log = run(short(load_scenario(case), seconds), "qp", solver)
-    exact = logs[case, "qp"]
-    assert (exact["status"][: len(log)] == 1).sum() > 100  # the QP has to work
-    stopped = log["status"] == 3
-    if solver in UNRELIABLE:
-        assert not log["v_mps"][stopped].any() and not log["omega_radps"][stopped].any()
-        return
-    assert not stopped.any()
-    for column in ("x_m", "y_m", "heading_rad"):
-        same = exact[column][: len(log)]
-        np.testing.assert_allclose(log[column], same, rtol=0, atol=1e-6)
-
-
 def test_runs_are_deterministic_bit_for_bit():
     scenario = short(load_scenario("paper/test_case_2"), 5.0)
     for name in CONTROLLERS:
@@ -141,14 +111,6 @@ def test_runs_are_deterministic_bit_for_bit():
         for column in set(COLUMNS) - {"solve_time_s"}:
             np.testing.assert_array_equal(one[column], two[column])
         np.testing.assert_array_equal(one.discs, two.discs)
-
-
-def test_limits_hold_for_every_controller(logs):
-    limits = Robot.mir100().limits
-    for log in logs.values():
-        assert log["v_mps"].min() >= limits.v_min
-        assert log["v_mps"].max() <= limits.v_max
-        assert np.abs(log["omega_radps"]).max() <= limits.omega_max
 
 
 def test_poses_follow_the_twists(logs):
@@ -167,9 +129,9 @@ def test_the_least_room_sees_what_happens_within_a_step():
     setup = Setup(footprint.edges, robot.limit_vector, record)
 
     def least(pace):
-        motion = Motion((0.0, 0.0, 0.0), (0.0, 0.0), 0.0, 0.0, pace)
+        motion = Motion((0.0, 0.0), 0.0, pace)
         view = View(world, like(world), empty_contacts(footprint.edges, world))
-        return room_on_the_way(setup, motion, view, math.inf)
+        return room_on_the_way(setup, motion, view)
 
     fastest = greatest_speed(obstacles.capsules)
     pace = greatest_pace(robot.limit_vector, 0.3, -0.2, fastest)
@@ -279,7 +241,6 @@ def test_metrics_of_a_log_made_by_hand():
         points=np.zeros((0, 2)),
         walls=np.zeros((0, 4)),
         vertices=np.zeros((3, 2)),
-        planes=np.zeros((n, 0, 4)),
     )
     result = metrics(log)
     assert result["zone_entry_s"] == pytest.approx(2.0)
@@ -301,16 +262,3 @@ def test_metrics_of_a_log_made_by_hand():
     assert result["outcome"] == "arrived"
     columns["least_clearance_m"][33] = -1e-6
     assert metrics(log)["outcome"] == "touched"
-
-
-def test_barn_world_drives_with_all(data_folder):
-    scenario = load_scenario("barn/world_0", data_folder)
-    seconds = {name: 8.0 for name in CONTROLLERS} | {"qp": scenario.duration}
-    outcomes = {
-        name: metrics(run(short(scenario, seconds[name]), name)) for name in CONTROLLERS
-    }
-    assert outcomes["qp"]["outcome"] == "arrived"
-    assert outcomes["qp"]["min_clearance_m"] > 0.0
-    for result in outcomes.values():
-        assert result["v_max_mps"] <= 0.5
-        assert result["outcome"] in ("arrived", "touched", "stalled", "off goal")

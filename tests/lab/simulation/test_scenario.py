@@ -180,20 +180,9 @@ def test_barn_without_data_says_where_to_put_it(monkeypatch, tmp_path):
 def test_damaged_barn_files(data_folder, tmp_path):
     source = data_folder / "barn" / "BARN"
     (tmp_path / "path_files").mkdir()
-    world, path = tmp_path / "world_0.world", tmp_path / "path_files" / "path_0.npy"
-    shutil.copy(source / "path_files" / "path_0.npy", path)
-    text = (source / "world_0.world").read_text()
-    for damaged, message in (
-        (text[: len(text) // 2], "not a readable SDF"),
-        ("<sdf><world/></sdf>", "no cylinder"),
-        (text.replace("<radius>0.075000", "<radius>zero", 1), "damaged pose or radius"),
-        (text.replace("<radius>0.075000", "<radius>-0.1", 1), "has no radius"),
-    ):
-        world.write_text(damaged)
-        with pytest.raises(DataError, match=message):
-            load_scenario("barn/world_0", tmp_path)
-    world.write_text(text)
-    path.write_bytes(path.read_bytes()[:60])
+    path = tmp_path / "path_files" / "path_0.npy"
+    shutil.copy(source / "world_0.world", tmp_path)
+    path.write_bytes((source / "path_files" / "path_0.npy").read_bytes()[:60])
     with pytest.raises(DataError, match="not a readable array"):
         load_scenario("barn/world_0", tmp_path)
     np.save(path, np.zeros((4, 3)))

@@ -1,4 +1,4 @@
-"""What a base makes of its commands: found again from drives whose truth is known."""
+"""Parameters of a base, recovered from drives with known parameters."""
 
 import dataclasses
 import math

@@ -1,14 +1,12 @@
-"""Polygons in figures, in the packed logs of a page, and in what is played."""
+"""Polygons in figures."""
 
 import pytest
 from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
-from packed import unpacked
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.plots import save_figures
-from qpavoid.lab.study.report.payload import pack_run
 from qpavoid.lab.study.scene import RunPlot, middles, view_box
 from qpavoid.lab.study.style import styles
 from scenario_files import CROSSING, SLOW
@@ -34,7 +32,7 @@ def config(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def log(config):
-    return run(load_scenario(config), "eq7", explain=True)
+    return run(load_scenario(config), "eq7")
 
 
 def test_polygons_are_drawn_where_they_are(log, tmp_path):
@@ -48,10 +46,3 @@ def test_polygons_are_drawn_where_they_are(log, tmp_path):
     assert len(middles(log)) == 1 and middles(log)[0].shape == (len(log), 2)
     assert box[2] < -1.4
     assert len(save_figures([log], tmp_path)) == 4
-
-
-def test_a_page_is_given_the_corners_over_time(log):
-    packed = unpacked(pack_run(log))
-    assert packed["polygons"].tolist() == [3, 4]
-    assert_allclose(packed["corners"], log.corners, atol=1e-6)
-    assert packed["corners"].shape == (len(log), 7, 2)

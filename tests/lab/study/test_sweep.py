@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from pathlib import Path
+from shutil import copytree
 
 import pytest
 
@@ -94,24 +95,22 @@ def test_a_run_that_raises_is_a_row(tmp_path):
     assert not any(row["success"] for row in failed)
 
 
-def test_a_study_is_extended_and_merged(whole, tmp_path):
+def test_a_study_is_extended_and_a_copy_of_another_counts(whole, tmp_path):
     first, second, both = (tmp_path / name for name in ("a", "b", "c"))
     assert sweep(small(seeds=3), first, workers=1) == 6
     assert sweep(small(), first, workers=1) == 10
     assert table_hash(read_rows(first)) == table_hash(whole)
     assert sweep(small(controllers=["qp"]), second, workers=1) == 8
+    copytree(second, both)
     done = []
     count = sweep(
         small(),
         both,
         workers=1,
         progress=lambda *numbers: done.append(numbers),
-        merge=[second, second],
     )
     assert count == 8 and done[-1] == (8, 8)
     assert table_hash(read_rows(both)) == table_hash(whole)
-    with pytest.raises(DataError, match="no results of a sweep"):
-        sweep(small(), both, merge=[tmp_path])
 
 
 def test_trajectories_are_kept_on_request(tmp_path):
@@ -125,7 +124,6 @@ def test_trajectories_are_kept_on_request(tmp_path):
     assert len(rows) == 8 and logs(tmp_path) == {row["run"] for row in rows}
     log = Log.load(tmp_path / "logs" / f"{rows[0]['run']}.npz")
     assert log["least_clearance_m"].min() == pytest.approx(rows[0]["min_clearance_m"])
-    assert log.planes.shape[1] > 0
     sweep(small(seeds=4, keep="failures"), tmp_path / "some", workers=1)
     rows = read_rows(tmp_path / "some")
     assert logs(tmp_path / "some") == {r["run"] for r in rows if not r["success"]}
@@ -264,11 +262,6 @@ def test_mistakes_in_a_variant_are_named(files, change, match):
         read_study(path)
 
 
-def test_shipped_studies_are_valid():
-    study = read_study("studies/smoke")
-    assert len(study) == len({job.run for job in study.jobs()}) > 0
-
-
 @pytest.mark.parametrize(
     ("change", "match"),
     [
@@ -285,27 +278,15 @@ def test_shipped_studies_are_valid():
         (('"eq5"', '"eq5:osqp"'), "eq5 has no QP"),
         (("past.toml", "x.toml"), "x.toml: no such file"),
         (('"0:2"', '"2:2"'), "seeds: there are none of .*past"),
+        (('"eq5"', '"eq6"'), "unknown controller 'eq6'"),
+        (("qp:osqp", "qp:osq"), "osq"),
+        (("past.toml", "x"), "unknown scenario 'x'"),
     ],
 )
 def test_mistakes_in_a_study_are_named(files, change, match):
     path = files(seeds=2)
     path.write_text(path.read_text().replace(*change))
-    with pytest.raises(ConfigError, match=match):
-        read_study(path)
-
-
-@pytest.mark.parametrize(
-    ("change", "name"),
-    [
-        (('"eq5"', '"eq6"'), "eq6"),
-        (("qp:osqp", "qp:osq"), "osq"),
-        (("past.toml", "x"), "x"),
-    ],
-)
-def test_unknown_names_in_a_study_are_named(files, change, name):
-    path = files(seeds=2)
-    path.write_text(path.read_text().replace(*change))
-    with pytest.raises(UnknownNameError, match=name):
+    with pytest.raises((ConfigError, UnknownNameError), match=match):
         read_study(path)
 
 

@@ -151,22 +151,3 @@ def test_damaged_key_frames(tmp_path, change, error):
     file.write_text(json.dumps(TO_AND_FRO | {"worlds": {"3": [frame]}}))
     with pytest.raises(DataError, match=error):
         dynabarn.read_world(file, 3)
-
-
-def test_damaged_dynabarn_files(tmp_path):
-    file = tmp_path / "dynabarn.json"
-    with pytest.raises(DataError, match="not readable JSON"):
-        dynabarn.read_world(file, 3)
-    text = json.dumps(TO_AND_FRO)
-    file.write_text(text[:-20])
-    with pytest.raises(DataError, match="not readable JSON"):
-        dynabarn.read_world(file, 3)
-    for other in ("[]", "{}", '{"worlds": 3, "timeout_s": 1}'):
-        file.write_text(other)
-        with pytest.raises(DataError, match="not a DynaBARN file"):
-            dynabarn.read_world(file, 3)
-    file.write_text(text)
-    with pytest.raises(DataError, match="there is no world 4"):
-        dynabarn.read_world(file, 4)
-    with pytest.raises(DataError, match="'end' or 'reverse'"):
-        dynabarn.read_world(file, 3, "jump")

@@ -12,7 +12,7 @@ from importlib.resources import files
 from string import Template
 from typing import Any
 
-REPLAY = ("dom.js", "pen.js", "panels.js", "charts.js", "unpack.js", "replay.js")
+SCRIPTS = "dom tables report".split()
 POLICY = (
     "default-src 'none'; script-src {}; style-src 'unsafe-inline'; "
     "img-src data: blob:; base-uri 'none'; form-action 'none'"
@@ -22,18 +22,8 @@ POLICY = (
 
 def report_page(title: str, data: object) -> str:
     """Return the page of a study."""
-    scripts = [*map(part, (*REPLAY, "tables.js", "report.js"))]
-    return _page("page.html", title, data, scripts)
-
-
-def replay_page(title: str, data: object) -> str:
-    """Return a page with the replay alone."""
-    start = "Replay.start(document.body, JSON.parse(document.all.data.textContent));"
-    return _page("replay.html", title, data, [*map(part, REPLAY), start])
-
-
-def _page(template: str, title: str, data: object, scripts: list[str]) -> str:
-    return Template(part(template)).substitute(
+    scripts = [part(f"{name}.js") for name in SCRIPTS]
+    return Template(part("page.html")).substitute(
         title=escape(title),
         policy=POLICY.format(" ".join(map(_hash, scripts))),
         style=part("style.css") + part("report.css"),

@@ -16,7 +16,8 @@
   }
   at("provenance").append(listed(provenance));
 
-  const replay = Replay.start(at("replay"), data.replay);
+  at("figures").append(...data.figures.map(({ title, image }, i) => element("figure", { id: `figure-${i}` }, element("figcaption", {}, title), element("img", { src: image, alt: `Ways of the runs: ${title}` }))));
+  if (!data.figures.length) at("figures").append('No log of any run was kept: put trajectories = "failures" or "all" into the study and sweep it again.');
 
   const { tables } = data;
   function choose(i) {
@@ -29,9 +30,7 @@
   choose(0);
 
   if (data.failures.count) {
-    at("failures").append(Tables.failures(data.failures, (group, run) => {
-      replay.pick(group, run).then(() => at("replay").scrollIntoView());
-    }));
+    at("failures").append(Tables.failures(data.failures));
   } else {
     at("failures").append("Every run succeeded.");
   }

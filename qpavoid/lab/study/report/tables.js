@@ -89,9 +89,10 @@ const Tables = (() => {
     return table(`${scenario === null ? "All scenarios" : scenario}${few}`, RANKING, rows);
   }
 
-  /** The runs that did not succeed; replay(group, run) is called from its button. */
-  function failures({ count, rows }, replay) {
-    const watch = { name: "replay", says: "Shows it step by step above", text: (row) => (row.replay ? "replay" : ""), cell: (row) => (row.replay ? element("button", { type: "button", onclick: () => replay(...row.replay) }, "Replay") : "") };
+  /** The runs that did not succeed, with links to their figures. */
+  function failures({ count, rows }) {
+    const shown = (row) => (row.figure === null ? "" : "figure");
+    const watch = { name: "figure", says: "The way of the run, above", text: shown, cell: (row) => (shown(row) ? element("a", { href: `#figure-${row.figure}` }, "figure") : "") };
     const caption = count > rows.length ? `${rows.length} of ${count} runs that did not succeed` : `${count} runs that did not succeed`;
     return table(caption, [...FAILED, watch], rows);
   }

@@ -2,7 +2,7 @@
 
 import os
 import signal
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -16,8 +16,8 @@ from pathlib import Path
 from threading import Thread
 from time import perf_counter, sleep
 
-from qpavoid.compiled import is_cached
-from qpavoid.lab.simulation.loop import close_loop
+from qpavoid.avoidance.step import filter_step
+from qpavoid.compiled import is_cached, lacking
 from qpavoid.lab.study.sweep.job import Job, Row, run_job
 from qpavoid.lab.study.sweep.store import Store
 from qpavoid.lab.study.sweep.study import Study
@@ -39,7 +39,6 @@ def sweep(
     out: Path,
     workers: int | None = None,
     progress: Callable[[int, int], None] = lambda count, skipped: None,
-    merge: Iterable[Path] = (),
 ) -> int:
     """Do every run of a study that is not done yet, and return how many these were.
 
@@ -52,7 +51,6 @@ def sweep(
         out: Folder of its results, see :class:`qpavoid.lab.study.sweep.store.Store`.
         workers: Processes; all cores by default, and with 1 this process alone.
         progress: Called with the runs done by now, and those that were done before.
-        merge: Folders of results to take over first.
 
     Raises:
         DataError: Another sweep writes into the folder, or a shard is damaged or cannot
@@ -75,8 +73,6 @@ def sweep(
         progress(count, skipped)
 
     with store.alone():
-        for folder in merge:
-            store.merge(folder)
         done = store.done(with_logs=study.trajectories == "all")
         chunks, many = _Chunks(pending()), workers or os.cpu_count() or 1
         if many > 1:
@@ -142,7 +138,7 @@ class _Chunks:
 
 def _run_all(chunks: _Chunks, workers: int, keep: Callable[[Results], None]) -> None:
     """Run all chunks; after a worker's death its chunks alone, then the rest."""
-    if not is_cached(close_loop):  # one process compiles, the others read
+    if lacking() and not is_cached(filter_step):  # one compiles, the others read
         _run_alone([job for _, chunk in islice(chunks, 1) for job in chunk], keep)
         chunks.out.clear()
     while True:

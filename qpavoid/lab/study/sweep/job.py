@@ -9,12 +9,10 @@ from time import perf_counter
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
-from qpavoid.lab.simulation.batch import as_loop
 from qpavoid.lab.simulation.config import changed
 from qpavoid.lab.simulation.log import Log
-from qpavoid.lab.simulation.methods import find_entry, find_method, solver_of
+from qpavoid.lab.simulation.methods import solver_of
 from qpavoid.lab.simulation.outcome import finite, outcome_of, verdict, worst_of
 from qpavoid.lab.simulation.run import run_fleet
 from qpavoid.lab.simulation.scenario import Scenario, make_scenario
@@ -93,10 +91,6 @@ CLOCK = "solve_us", "solve_p99_us", "wall_s"
 """Those that depend on it: median and 99th percentile of what deciding takes in a step,
 µs, and time of all of the run, s."""
 
-TIMED = 10
-"""Of compiled runs those whose seed it divides are done once more for their clock, a
-step at a time: the compiled loop has none."""
-
 
 def run_job(job: Job) -> tuple[Row, bytes | None]:
     """Run and return the row, and the log where it is kept; errors become rows."""
@@ -104,12 +98,12 @@ def run_job(job: Job) -> tuple[Row, bytes | None]:
     try:
         changes = json.dumps(json.loads(job.changes) | json.loads(job.own))
         scene = find_scene(job.source, job.seed, changes, job.data)
-        (noted,), logs = _run(scene, job)
+        logs = run_fleet(scene, job.controller, job.solver)
+        (noted,) = worst_of(np.concatenate([outcome_of(log) for log in logs]))
         row = job.row(verdict(noted)) | _numbers(noted)
         row |= {"duration_s": scene.duration, **solve_times(logs)}
-        log = logs[0] if job.keep == "all" else None
-        if log is None and job.keep == "failures" and not row["success"]:
-            log = run_fleet(scene, job.controller, job.solver, explain=True)[0]
+        kept = job.keep == "all" or (job.keep == "failures" and not row["success"])
+        log = logs[0] if kept else None
     except (Exception, SystemExit) as error:  # of a method of one's own: any
         row, log = job.row("failed", f"{type(error).__name__}: {error}"), None
     row["wall_s"] = perf_counter() - started
@@ -128,29 +122,9 @@ def find_scene(
 
 def solve_times(logs: Sequence[Log]) -> dict[str, float]:
     """Return median and 99th percentile of what deciding takes in a step, µs."""
-    if not logs:
-        return {}
     times = np.concatenate([log["solve_time_s"] for log in logs])
     middle, high = np.percentile(1e6 * times, (50.0, 99.0)).tolist()
     return {"solve_us": middle, "solve_p99_us": high}
-
-
-def _run(scene: Scenario, job: Job) -> tuple[npt.NDArray[np.void], list[Log]]:
-    """Return the outcome, of several robots the worst of all, and what was logged."""
-    method = find_method(job.controller)
-    scene = method.adapt(scene)
-    entry = find_entry(method.controller)
-    compiled = entry is not None and entry.compiled >= 0 and not method.search
-    # The compiled loop keeps no trajectory and no times: it is of no use where logs are
-    # wanted, and for the clock some runs are done again a step at a time.
-    form = as_loop(scene) if compiled and job.keep != "all" else None
-    if form is not None:
-        batch, loop = form
-        timed = (job.seed or 0) % TIMED == 0
-        logs = run_fleet(scene, job.controller, job.solver) if timed else []
-        return batch.run(method.controller, [loop], 1, job.solver), logs
-    logs = run_fleet(scene, job.controller, job.solver, explain=job.keep == "all")
-    return worst_of(np.concatenate([outcome_of(log) for log in logs])), logs
 
 
 def _numbers(noted: np.void) -> Row:

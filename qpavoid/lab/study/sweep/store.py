@@ -85,7 +85,7 @@ class Store:
             except BlockingIOError:
                 raise DataError(
                     f"{self.folder}: another sweep is writing into it; wait for it, or "
-                    "take another folder and --merge it"
+                    "take another folder and copy its files into this one"
                 ) from None
             except OSError:  # of a file system without locks
                 pass
@@ -111,22 +111,6 @@ class Store:
         # Never appended to, so that a copy of the folder taken at any time is whole.
         name = f"{hashlib.sha256(content).hexdigest()}.parquet"
         _write(self.folder / "runs" / name, content)
-
-    def merge(self, other: Path) -> None:
-        """Take over all finished runs of another folder.
-
-        Raises:
-            DataError: It has none, or a damaged one; nothing is taken then.
-        """
-        found = shards(other)
-        if not found:
-            raise DataError(f"{other}: no results of a sweep")
-        for path in found:
-            _read(path, ["run"])
-        for path in [*sorted((other / "logs").glob("*.npz")), *found]:
-            with reading(path):
-                content = read_bytes(path)
-            _write(self.folder / path.parent.name / path.name, content)
 
     def _log(self, run: str) -> Path:
         return self.folder / "logs" / f"{run}.npz"

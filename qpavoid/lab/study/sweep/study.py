@@ -68,7 +68,7 @@ class StudyModel(SceneItems):
         controllers: Methods, as ``qp``, ``qp:osqp``, ``module:Name``, and names of
             variants.
         variants: Methods with settings of their own, by the name in tables.
-        trajectories: Whose logs are kept, for replay in a report.
+        trajectories: Whose logs are kept, for figures in a report.
         settings: Values by dotted key of scenarios; the grid has all combinations.
     """
 
