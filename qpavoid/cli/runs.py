@@ -204,8 +204,10 @@ def export_c(options: Namespace) -> None:
     from qpavoid.lab.simulation.scenario import load_scenario
 
     polygons = options.polygons, 8 * options.polygons
-    with told_by("--obstacles, --points, --walls, --polygons", InvalidInputError):
-        capacity = Capacity(options.obstacles, options.points, options.walls, *polygons)
+    numbers = options.obstacles, options.points, options.walls, *polygons
+    named = "--obstacles, --points, --walls, --polygons, --beams"
+    with told_by(named, InvalidInputError):
+        capacity = Capacity(*numbers, options.beams)
     presets, settings = _presets(), AvoidanceSettings()
     robot = presets.get(options.robot)
     if robot is None:
