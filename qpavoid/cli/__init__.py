@@ -110,8 +110,8 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         option("FOLDER", "where the files go"),
         option(
             "--robot R",
-            "see list robots; or a scenario, of which robot, filter "
-            "and time step are taken",
+            "see list robots; or a scenario, of which robot, filter, "
+            "time step and LiDAR are taken",
             "mir100",
         ),
         option("--obstacles N", "discs at most", 20),

@@ -2,6 +2,7 @@
 
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, get_args
 
 from qpavoid.cli.output import between_steps, give, make_console, progress, told_by
@@ -209,7 +210,7 @@ def export_c(options: Namespace) -> None:
     with told_by(named, InvalidInputError):
         capacity = Capacity(*numbers, options.beams)
     presets, settings = _presets(), AvoidanceSettings()
-    robot = presets.get(options.robot)
+    robot, lidar, bodies = presets.get(options.robot), None, None
     if robot is None:
         try:
             scenario = load_scenario(options.robot)
@@ -217,6 +218,9 @@ def export_c(options: Namespace) -> None:
             every = (*presets, *error.known)
             raise UnknownNameError("robot or scenario", error.name, every) from None
         robot, settings = scenario.robot, scenario.settings
-    ahead = not options.no_ahead
-    for path in export_c(options.folder, robot, settings, capacity, ahead):
+        if scenario.lidar is not None:
+            lidar, bodies = scenario.lidar.geometry, scenario.perception
+            capacity = replace(capacity, beams=scenario.lidar.beams)
+    known = robot, settings, capacity, not options.no_ahead, lidar, bodies
+    for path in export_c(options.folder, *known):
         print(path)

@@ -1,9 +1,8 @@
 """Export of perception for one robot with one LiDAR: C99 source, header and example."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
-
-import numpy as np
 
 from qpavoid.export.translate import Translation
 from qpavoid.export.values import Value, braced, c_number, constant, wrapped
@@ -18,7 +17,7 @@ from qpavoid.perception.perception import (
     Device,
     Perception,
 )
-from qpavoid.perception.scan import BEAM_WIDTH, SCAN_WIDTH
+from qpavoid.perception.scan import BEAM_COS, BEAM_SIN, BEAM_WIDTH, SCAN_WIDTH
 from qpavoid.perception.settings import Lidar, PerceptionSettings
 from qpavoid.perception.tracks import MOST_TRACKS
 from qpavoid.perception.update import Found, Memory, Scan, obstacles_at, perceive
@@ -69,37 +68,43 @@ def perception_texts(
     memory = packed([arrays[name] for name in Memory._fields], Memory)
     found = packed([arrays[name] for name in Found._fields], Found)
     edges = Value("", "edges", known=robot.footprint.edges)
-    started = call(arc, [*pose, *twist, *given("middle - stamp")])
-    ended = call(arc, [*begin, *twist, *given("QPAVOID_SWEEP")])
-    taken = call(perceive, [memory, scan, numbers(known.model)])
-    asked = [memory, scan, edges, packed(pose), *given("time"), found]
-    counted = call(obstacles_at, asked)
-    angles = np.arctan2(device.beams[:, 1], device.beams[:, 0]) + lidar.mount[2]
+    calls = {
+        "started": call(arc, [*pose, *twist, *given("middle - stamp")]),
+        "ended": call(arc, [*begin, *twist, *given("QPAVOID_SWEEP")]),
+        "taken": call(perceive, [memory, scan, numbers(known.model)]),
+        "counted": call(
+            obstacles_at, [memory, scan, edges, packed(pose), *given("time"), found]
+        ),
+    }
     return {
-        "beams": beams,
-        "beam_first": c_number(float(angles[0])),
-        "beam_step": c_number(device.sensor.step),
-        "mount_x": c_number(lidar.mount[0]),
-        "mount_y": c_number(lidar.mount[1]),
-        "range_min": c_number(lidar.range_min),
-        "range_max": c_number(lidar.range_max),
-        "sweep": c_number(abs(lidar.sweep)),
-        "delay": c_number(lidar.delay),
-        "nearest": c_number(NEAREST),
-        "jump": c_number(POSE_JUMP),
-        "fastest": c_number(FASTEST_POSE),
-        "beam_width": BEAM_WIDTH,
-        "table": ",\n".join(wrapped(braced(row), 1) for row in device.beams),
+        **{name: wrapped(one.text, 1).lstrip() for name, one in calls.items()},
+        **{f"{name}_type": one.kind for name, one in calls.items()},
+        **geometry(lidar, device),
         "memory_fields": declared(kept),
         "found_fields": declared(made),
-        "pose_type": started.kind,
-        "started": wrapped(started.text, 1).lstrip(),
-        "ended": wrapped(ended.text, 1).lstrip(),
-        "taken": wrapped(taken.text, 1).lstrip(),
-        "counted_type": counted.kind,
-        "counted": wrapped(counted.text, 1).lstrip(),
         "perception_functions": unit.text,
     }
+
+
+def geometry(lidar: Lidar, device: Device) -> dict[str, Any]:
+    """Return the geometry of a scanner, and limits of poses, as constants of C."""
+    first = math.atan2(*device.beams[0, [BEAM_SIN, BEAM_COS]]) + lidar.mount[2]
+    known = {
+        "beam_first": first,
+        "beam_step": device.sensor.step,
+        "mount_x": lidar.mount[0],
+        "mount_y": lidar.mount[1],
+        "range_min": lidar.range_min,
+        "range_max": lidar.range_max,
+        "sweep": abs(lidar.sweep),
+        "delay": lidar.delay,
+        "nearest": NEAREST,
+        "jump": POSE_JUMP,
+        "fastest": FASTEST_POSE,
+    }
+    table = ",\n".join(wrapped(braced(row), 1) for row in device.beams)
+    numbers = {name: c_number(number) for name, number in known.items()}
+    return {**numbers, "beam_width": BEAM_WIDTH, "table": table}
 
 
 def stored(name: str, shape: tuple[int, ...]) -> Value:

@@ -13,6 +13,7 @@ from in_c import COMPILER, STRICT
 from qpavoid.cli import main
 from qpavoid.export.write import Capacity, export_c
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
+from qpavoid.lab.simulation.scenario import load_scenario
 from timing.exported import problem_type
 
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
@@ -164,5 +165,9 @@ def test_the_command_line_writes_it_of_a_scenario_and_of_a_preset(tmp_path, caps
     assert main(["export-c", "--beams", "90", "--points", "400", str(tmp_path)]) == 0
     assert str(tmp_path / "qpavoid_perception.c") in capsys.readouterr().out.split()
     compiled(tmp_path, "-o", "perceive", "perceive.c")
-    header = (tmp_path / "qpavoid_perception.h").read_text()
-    assert "#define QPAVOID_BEAMS 90\n" in header
+    header = tmp_path / "qpavoid_perception.h"
+    assert "#define QPAVOID_BEAMS 90\n" in header.read_text()
+    assert main(["export-c", "--robot", "demo/jackal_mujoco", str(tmp_path)]) == 0
+    lidar = load_scenario("demo/jackal_mujoco").lidar
+    assert f"#define QPAVOID_BEAMS {lidar.beams}\n" in header.read_text()
+    assert f"#define QPAVOID_RANGE_MAX {lidar.range}\n" in header.read_text()

@@ -59,10 +59,10 @@ int qpavoid_perceive(qpavoid_perception *p, const double ranges[QPAVOID_BEAMS],
         qpavoid_perception_init(p);
         memcpy(p->counts, counts, sizeof counts);
     }
-    const $pose_type a = $started;
+    const $started_type a = $started;
     const double begin[3] = {a._0, a._1, a._2};
     memcpy(p->begin, begin, sizeof begin);
-    const $pose_type b = $ended;
+    const $started_type b = $ended;
     const double motion[3] = {b._0 - a._0, b._1 - a._1, twist[1] * QPAVOID_SWEEP};
     memcpy(p->motion, motion, sizeof motion);
     for (int k = 0; k < QPAVOID_BEAMS; k++) {

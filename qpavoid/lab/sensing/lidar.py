@@ -71,6 +71,19 @@ class LidarSettings:
     def __post_init__(self) -> None:
         check(self, "a LiDAR needs")
 
+    @property
+    def geometry(self) -> perceived.Lidar:
+        """Geometry of the sensor for perception, whose beams span the whole view."""
+        wide, step = self.field_of_view, self.field_of_view / self.beams
+        is_round, (x, y, heading) = wide > perceived.ALL_ROUND, self.mount
+        return perceived.Lidar(
+            field_of_view=wide if is_round else wide - step,
+            mount=(x, y, heading + 0.5 * step if is_round else heading),
+            range_max=self.range,
+            range_min=0.0,
+            no_echo="auto" if self.dropout else "free",
+        )
+
 
 class Lidar:
     """State of a LiDAR.
@@ -130,20 +143,6 @@ class Lidar:
         in_robot_frame((x, y, heading), 0.0, obstacles.arrays, seen)
         cast_rays(self._beams, seen, self.settings.point_radius, ranges)
         return ranges
-
-    @property
-    def geometry(self) -> perceived.Lidar:
-        """Geometry of the sensor for perception, whose beams span the whole view."""
-        s = self.settings
-        step, round_ = s.field_of_view / s.beams, s.field_of_view > perceived.ALL_ROUND
-        x, y, heading = s.mount
-        return perceived.Lidar(
-            field_of_view=s.field_of_view if round_ else s.field_of_view - step,
-            mount=(x, y, heading + 0.5 * step if round_ else heading),
-            range_max=s.range,
-            range_min=0.0,
-            no_echo="auto" if s.dropout else "free",
-        )
 
     def _sensor(self, pose: Pose) -> Pose:
         (x, y, heading), (ahead, left, turned) = pose, self.settings.mount
