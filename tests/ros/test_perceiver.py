@@ -231,3 +231,33 @@ def test_a_clock_that_is_set_back_begins_a_new_map():
         step = world.step()
     assert world.guard.perceiver.taken and step.decision is not None
     assert len(step.obstacles.points) > 200
+
+
+def test_a_sensor_later_than_another_is_points_at_rest():
+    """By 0.15 s: the map does not go back so far; its echoes count all the same."""
+
+    def made(ranges, time, name):
+        return beam_first(ranges, time - 0.25 * (name == "back"), name)
+
+    world = World(guarded({"freshness.points_s": 0.6}, scans=tuple(MOUNTS)), made)
+    step = world.run(1.5)
+    assert world.guard.perceiver.taken == {"scan"}
+    assert "back: its echoes count as at rest" in step.sentence
+    assert len(step.obstacles.points) >= 2 * BEAMS - 60
+
+
+def test_the_robots_own_points_outside_of_its_outline_stay_masked():
+    """A bumper 3 cm before the outline, seen from the start on; then a box there."""
+
+    def made(ranges, time, name):
+        ranges[abs(np.arange(BEAMS) - 179.5) < 10] = bumper
+        return beam_first(ranges, time, name)
+
+    bumper = 0.125
+    world = World(guarded(mask_m=0.05), made)
+    for _ in range(40):
+        step = world.step(0.3)
+    assert step.v == pytest.approx(0.3)
+    assert np.hypot(*step.obstacles.points.T).min() > 1.0
+    bumper = 0.2
+    assert max(world.step(0.3).v for _ in range(10)[5:]) < 0.05
