@@ -176,7 +176,7 @@ def test_points_of_a_depth_camera_have_velocities():
 
 
 def test_another_number_of_beams_is_said_and_the_map_stays():
-    world = World(guarded())
+    world = World(guarded(), lambda ranges, *rest: ros.scan(rest[0], ranges, rest[1]))
     world.run(2.4)
     world.devices["scan"] = Lidar(LidarSettings(beams=180, mount=MOUNTS["scan"]))
     step = world.step()
@@ -186,12 +186,17 @@ def test_another_number_of_beams_is_said_and_the_map_stays():
     assert "before" not in world.step().sentence
 
 
+def second_turn(message):
+    message.ranges = np.append(np.full(BEAMS, np.inf), message.ranges)
+    message.angle_max = 0.0
+
+
 HOSTILE = {
     "no echo is a number": lambda m: setattr(m, "ranges", np.full(BEAMS, np.nan)),
     "half of them": lambda m: m.ranges.__setitem__(slice(0, None, 2), np.nan),
     "no ranges": lambda m: setattr(m, "ranges", np.empty(0)),
     "one range": lambda m: setattr(m, "ranges", m.ranges[:1]),
-    "two turns": lambda m: setattr(m, "ranges", np.tile(m.ranges, 2)),
+    "echoes in a second turn": second_turn,
     "angle_max does not fit": lambda m: setattr(m, "ranges", m.ranges[:200]),
     "a step of nearly 0": lambda m: setattr(m, "angle_increment", 1e-320),
     "a step of five turns": lambda m: setattr(m, "angle_increment", 31.0),
