@@ -60,7 +60,7 @@ VIEWS = {
 def tracker(made: Recorded):
     """Return perception as a tracker of recorded scans."""
     device = Lidar(made.lidar)
-    perception = qp.Perception(qp.Robot.mir100_rectangle(), device.geometry)
+    perception = qp.Perception(qp.Robot.mir100_rectangle(), device.settings.geometry)
 
     def track(time, odometry, ranges):
         found = perception.update(ranges, time, odometry)

@@ -112,14 +112,15 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         option("FOLDER", "where the files go"),
         option(
             "--robot R",
-            "see list robots; or a scenario, of which robot, filter "
-            "and time step are taken",
+            "see list robots; or a scenario, of which robot, filter, "
+            "time step and LiDAR are taken",
             "mir100",
         ),
         option("--obstacles N", "discs at most", 20),
         option("--points N", "points at most", 0),
         option("--walls N", "walls at most", 0),
         option("--polygons N", "polygons at most", 0),
+        option("--beams N", "of a LiDAR's scan: perception is written, too", 0),
         option("--no-ahead", "rows of the present only"),
         option("--wasm", "a WebAssembly module instead, for any robot; needs zig"),
     ),

@@ -2,6 +2,7 @@
 
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
@@ -196,10 +197,12 @@ def export_c(options: Namespace) -> None:
     from qpavoid.lab.simulation.scenario import load_scenario
 
     polygons = options.polygons, 8 * options.polygons
-    with told_by("--obstacles, --points, --walls, --polygons", InvalidInputError):
-        capacity = Capacity(options.obstacles, options.points, options.walls, *polygons)
+    numbers = options.obstacles, options.points, options.walls, *polygons
+    named = "--obstacles, --points, --walls, --polygons, --beams"
+    with told_by(named, InvalidInputError):
+        capacity = Capacity(*numbers, options.beams)
     presets, settings = _presets(), AvoidanceSettings()
-    robot = presets.get(options.robot)
+    robot, lidar, bodies = presets.get(options.robot), None, None
     if robot is None:
         try:
             scenario = load_scenario(options.robot)
@@ -207,6 +210,9 @@ def export_c(options: Namespace) -> None:
             every = (*presets, *error.known)
             raise UnknownNameError("robot or scenario", error.name, every) from None
         robot, settings = scenario.robot, scenario.settings
-    ahead = not options.no_ahead
-    for path in export_c(options.folder, robot, settings, capacity, ahead):
+        if scenario.lidar is not None:
+            lidar, bodies = scenario.lidar.geometry, scenario.perception
+            capacity = replace(capacity, beams=scenario.lidar.beams)
+    known = robot, settings, capacity, not options.no_ahead, lidar, bodies
+    for path in export_c(options.folder, *known):
         print(path)

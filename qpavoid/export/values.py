@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qpavoid.errors import QPAvoidError
+from qpavoid.types import Array
 
 TEMPLATES = Path(__file__).with_name("templates")
 
@@ -98,6 +99,13 @@ def c_number(number: Any) -> str:
     if math.isinf(number):
         return "INFINITY" if number > 0 else "-INFINITY"
     return "NAN" if math.isnan(number) else repr(float(number))
+
+
+def braced(array: Array) -> str:
+    """Return a C initialiser."""
+    if array.ndim:
+        return f"{{{', '.join(braced(part) for part in array)}}}"
+    return c_number(array.item())
 
 
 _PRELUDE = (TEMPLATES / "prelude.c").read_text(encoding="utf-8").strip()

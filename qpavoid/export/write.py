@@ -7,9 +7,6 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from qpavoid.avoidance.decision import INVALID, Status
 from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
@@ -18,10 +15,12 @@ from qpavoid.avoidance.step import filter_outcome
 from qpavoid.avoidance.validation import OLDEST
 from qpavoid.avoidance.workspace import memory_size
 from qpavoid.errors import InvalidInputError
+from qpavoid.export.perception import PERCEPTION_FILES, perception_texts
 from qpavoid.export.translate import Translation
-from qpavoid.export.values import TEMPLATES, Value, c_number, constant, wrapped
+from qpavoid.export.values import TEMPLATES, Value, braced, c_number, constant, wrapped
 from qpavoid.model.capsules import CAPSULE_WIDTH, fill_capsules
 from qpavoid.model.robot import Robot, braking_twist, driven_twist
+from qpavoid.perception.settings import Lidar, PerceptionSettings
 
 C_FILES = ("qpavoid_filter.h", "qpavoid_filter.c", "main.c")
 STATUSES = (
@@ -44,6 +43,7 @@ class Capacity:
         walls: Segments.
         polygons: Convex polygons with velocities and rates of turn.
         corners: Of all polygons together, at least three for each.
+        beams: Of a scan; 0: no perception is exported.
 
     Raises:
         InvalidInputError: No discs, too few corners, or a negative number.
@@ -54,9 +54,11 @@ class Capacity:
     walls: int = 0
     polygons: int = 0
     corners: int = 0
+    beams: int = 0
 
     def __post_init__(self) -> None:
-        if self.discs < 1 or min(self.points, self.walls, self.polygons) < 0:
+        least = min(self.points, self.walls, self.polygons, self.beams)
+        if self.discs < 1 or least < 0:
             raise InvalidInputError("an export needs discs >= 1, and no number below 0")
         if self.corners < 3 * self.polygons:
             raise InvalidInputError("an export needs corners >= 3 for each polygon")
@@ -78,11 +80,14 @@ def export_c(
     settings: AvoidanceSettings,
     capacity: Capacity,
     ahead: bool = True,
+    lidar: Lidar | None = None,
+    bodies: PerceptionSettings | None = None,
 ) -> list[Path]:
     """Write the filter as C99 source and header with an example; return the files.
 
-    They need only libm. The functions are translated from the package's own, so that
-    both compute the same; robot and settings are constants.
+    With beams in the capacity, perception as well. They need only libm. The functions
+    are translated from the package's own, so that both compute the same; robot and
+    settings are constants.
 
     Args:
         folder: Target; created if missing.
@@ -90,6 +95,9 @@ def export_c(
         settings: As for :class:`qpavoid.SafetyFilter`.
         capacity: Greatest numbers of obstacles.
         ahead: Look ahead, as :class:`qpavoid.SafetyFilter` does by default.
+        lidar: Geometry of the scanner whose scans are perceived; default all round, at
+            the middle of the axle.
+        bodies: Model of moving bodies, and memory.
 
     Raises:
         TranslationError: A compiled function cannot be written as C.
@@ -107,12 +115,17 @@ def export_c(
         **constants(robot, settings),
         **statuses(),
     }
+    files = [*C_FILES]
+    if capacity.beams:
+        scanner = Lidar() if lidar is None else lidar
+        texts |= perception_texts(robot, scanner, capacity.beams, bodies)
+        files += PERCEPTION_FILES
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
-    for name in C_FILES:
+    for name in files:
         template = Template((TEMPLATES / name).read_text(encoding="utf-8"))
         (target / name).write_text(template.substitute(texts), encoding="utf-8")
-    return [target / name for name in C_FILES]
+    return [target / name for name in files]
 
 
 def functions(
@@ -182,10 +195,3 @@ def statuses() -> dict[str, str]:
             for status in STATUSES
         ),
     }
-
-
-def braced(array: npt.NDArray[np.float64]) -> str:
-    """Return a C initialiser."""
-    if array.ndim:
-        return f"{{{', '.join(braced(part) for part in array)}}}"
-    return c_number(array.item())

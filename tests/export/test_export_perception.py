@@ -1,0 +1,173 @@
+"""Perception in C: the obstacles and twists of Python, to the last bit."""
+
+import ctypes
+import math
+import re
+import subprocess
+
+import numpy as np
+import pytest
+
+import qpavoid as qp
+from in_c import COMPILER, STRICT
+from qpavoid.cli import main
+from qpavoid.export.write import Capacity, export_c
+from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
+from qpavoid.lab.simulation.scenario import load_scenario
+from timing.exported import problem_type
+
+pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
+
+ROBOT = qp.Robot.mir100()
+SETTINGS = qp.AvoidanceSettings(dt=0.05)
+ROUND = qp.Lidar(mount=(0.3, 0.1, 0.4), no_echo="free")
+SWEPT = qp.Lidar(4.7, (0.35, 0.0, 0.0), 8.0, 0.2, sweep=-0.07, delay=0.02)
+FILES = "qpavoid_perception.c", "qpavoid_filter.c"
+
+
+def compiled(folder, *command):
+    flags = ["-std=c99", "-O2", "-ffp-contract=off", *STRICT]
+    subprocess.run([COMPILER, *flags, *command, *FILES, "-lm"], cwd=folder, check=True)
+
+
+def beam_range(pose, time, beam, known):
+    """The example's ranges, by the same formulas."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    x = pose[0] + c * known["MOUNT_X"] - s * known["MOUNT_Y"]
+    y = pose[1] + s * known["MOUNT_X"] + c * known["MOUNT_Y"]
+    angle = pose[2] + known["BEAM_FIRST"] + beam * known["BEAM_STEP"]
+    dx, dy = math.cos(angle), math.sin(angle)
+    r = min((math.copysign(5.0, dx) - x) / dx, (math.copysign(5.0, dy) - y) / dy)
+    to_x, to_y = 4.5 - 0.8 * time - x, 0.3 - y
+    along = to_x * dx + to_y * dy
+    inside = 0.25 * 0.25 - to_x * to_x - to_y * to_y + along * along
+    return min(r, along - math.sqrt(inside)) if inside > 0.0 < along else r
+
+
+@pytest.mark.parametrize("lidar", [ROUND, SWEPT])
+def test_the_example_drives_as_python_does(tmp_path, lidar):
+    export_c(tmp_path, ROBOT, SETTINGS, Capacity(64, 3000, beams=270), lidar=lidar)
+    compiled(tmp_path, "-o", "perceive", "perceive.c")
+    done = subprocess.run(["./perceive"], cwd=tmp_path, capture_output=True, text=True)
+    header = (tmp_path / "qpavoid_perception.h").read_text()
+    known = {n: float(x) for n, x in re.findall(r"QPAVOID_(\w+) (-?[\d.]\S*)", header)}
+    perception, safety = qp.Perception(ROBOT, lidar), qp.SafetyFilter(ROBOT, SETTINGS)
+    pose, v, omega, most = (0.0, 0.0, 0.0), 0.0, 0.0, 0
+    for k, line in enumerate(done.stdout.splitlines()):
+        time, within = k * 0.1, 0.0
+        scan = [beam_range(pose, time, beam, known) for beam in range(270)]
+        perception.update(scan, time, pose, twist=(v, omega))
+        while within < 0.1 - 0.5 * 0.05:
+            seen = perception.obstacles(time + within, pose)
+            v, omega, *_ = safety.filter(0.0, 0.0, seen)
+            x, y, heading = pose
+            turned = 0.05 * omega
+            x += 0.05 * v * math.cos(heading + 0.5 * turned)
+            y += 0.05 * v * math.sin(heading + 0.5 * turned)
+            pose, within = (x, y, heading + turned), within + 0.05
+        counts = f"{len(seen.points)} points  {len(seen.discs)} discs"
+        said = f"{time:.1f} s  {counts}  {v:.17g} m/s  {omega:.17g} rad/s"
+        assert line == said
+        most = max(most, len(seen.discs))
+    assert k == 59 and most >= 1 and math.hypot(*pose[:2]) > 0.3, "it evades"
+
+
+class InC:
+    """Perception in C behind the interface of Python's."""
+
+    def __init__(self, folder, capacity, lidar):
+        export_c(folder, ROBOT, SETTINGS, capacity, lidar=lidar)
+        compiled(folder, "-shared", "-fPIC", "-o", "perception.so")
+        self.library = ctypes.CDLL(str(folder / "perception.so"))
+        self.memory = ctypes.create_string_buffer(1 << 23)
+        self.seen = np.zeros((), problem_type(capacity)["obstacles"])
+        self.library.qpavoid_perception_init(self.memory)
+
+    def update(self, ranges, stamp, pose, twist):
+        arrays = (np.array(x, dtype=float) for x in (ranges, pose, twist))
+        ranges, pose, twist = (np.ctypeslib.as_ctypes(x) for x in arrays)
+        time = ctypes.c_double(stamp)
+        return self.library.qpavoid_perceive(self.memory, ranges, time, pose, twist)
+
+    def obstacles(self, time, pose):
+        """Points, discs and velocities, and how many were left out."""
+        at, seen = np.ctypeslib.as_ctypes(np.array(pose, dtype=float)), self.seen
+        out = self.library.qpavoid_perceived(
+            *(self.memory, ctypes.c_double(time), at),
+            seen.ctypes.data_as(ctypes.c_void_p),
+        )
+        n, m = int(seen["n_points"]), int(seen["n_discs"])
+        moving = seen["discs"][:m], seen["disc_velocities"][:m]
+        return seen["points"][:n], *moving, out
+
+
+def drive(seed):
+    """Scans, stamps, poses and twists of a robot among people, with faults."""
+    rng = np.random.default_rng(seed)
+    view = LidarSettings(field_of_view=4.7, beams=270, noise=0.01, dropout=0.02)
+    device, pose = Lidar(view), (0.0, 0.0, 0.0)
+    walls = [(-3, -3, 6, -3), (6, -3, 6, 4), (6, 4, -3, 4), (-3, 4, -3, -3)]
+    for k in range(120):
+        time = 0.08 * k
+        discs = [(5 - time, 0.5, 0.25), (2.0, time - 3, 0.25), (-1.5, 2.0, 0.2)]
+        twist = 0.2, 0.4 * math.sin(time)
+        pose = (pose[0] + 0.01, pose[1], pose[2] + 0.08 * twist[1])
+        ranges = device.ranges(pose, qp.Obstacles(discs=discs, walls=walls))
+        stamp = time
+        if k % 11 == 5:
+            stamp -= 0.5  # time runs backwards
+        if k % 13 == 6:
+            stamp -= 0.08  # the last one again
+        if k % 17 == 7:
+            ranges = np.where(rng.random(270) < 0.3, math.nan, ranges)
+        if k == 70:
+            pose = (30.0, -5.0, 2.0)
+        if k % 19 == 8:
+            twist = math.nan, 0.0
+        yield ranges, stamp, pose, twist
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_every_obstacle_has_the_bits_of_python(tmp_path, seed):
+    machine = InC(tmp_path, Capacity(64, 4000, beams=270), SWEPT)
+    perception, found, refused = qp.Perception(ROBOT, SWEPT), 0, 0
+    for ranges, stamp, pose, twist in drive(seed):
+        try:
+            perception.update(ranges, stamp, pose, twist=twist)
+            assert machine.update(ranges, stamp, pose, twist) == 0
+        except qp.InvalidInputError:
+            assert machine.update(ranges, stamp, pose, twist) == -1
+            refused += 1
+        expected = perception.obstacles(stamp + 0.03, pose)
+        points, discs, velocities, out = machine.obstacles(stamp + 0.03, pose)
+        assert out == 0 and points.tobytes() == expected.points.tobytes()
+        assert discs.tobytes() == expected.discs.tobytes()
+        assert velocities.tobytes() == expected.disc_velocities.tobytes()
+        found += len(discs)
+    assert found > 20 and refused > 10
+
+
+def test_the_nearest_are_kept_where_there_is_no_room(tmp_path):
+    machine = InC(tmp_path, Capacity(1, 50, beams=270), SWEPT)
+    perception = qp.Perception(ROBOT, SWEPT)
+    for ranges, stamp, pose, twist in list(drive(0))[:4]:
+        machine.update(ranges, stamp, pose, twist)
+        perception.update(ranges, stamp, pose, twist=twist)
+    points, *_, out = machine.obstacles(stamp, pose)
+    known = perception.obstacles(stamp, pose).points
+    assert out == len(known) - len(points) and len(points) == 50
+    away = np.sort(np.hypot(*known.T))
+    np.testing.assert_array_equal(np.sort(np.hypot(*points.T)), away[: len(points)])
+    assert machine.obstacles(math.nan, pose)[3] == -1
+
+
+def test_the_command_line_writes_it_of_a_scenario_and_of_a_preset(tmp_path, capsys):
+    assert main(["export-c", "--beams", "90", "--points", "400", str(tmp_path)]) == 0
+    assert str(tmp_path / "qpavoid_perception.c") in capsys.readouterr().out.split()
+    compiled(tmp_path, "-o", "perceive", "perceive.c")
+    header = tmp_path / "qpavoid_perception.h"
+    assert "#define QPAVOID_BEAMS 90\n" in header.read_text()
+    assert main(["export-c", "--robot", "demo/jackal_mujoco", str(tmp_path)]) == 0
+    lidar = load_scenario("demo/jackal_mujoco").lidar
+    assert f"#define QPAVOID_BEAMS {lidar.beams}\n" in header.read_text()
+    assert f"#define QPAVOID_RANGE_MAX {lidar.range}\n" in header.read_text()
