@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+import qpavoid as qp
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.model.obstacles import Obstacles
 
@@ -125,7 +126,7 @@ class Recorded(NamedTuple):
     """Scans of a scene, and the truth.
 
     Attributes:
-        lidar: Sensor.
+        lidar: Geometry of the sensor.
         stamps: (n,) s.
         ranges: (n, beams) m; ``inf``: no echo within range; NaN: lost.
         odometry: (n, 3) x, y, heading with drift, m, m, rad.
@@ -134,7 +135,7 @@ class Recorded(NamedTuple):
         reach: (movers,) greatest distance of its outline from its place, m.
     """
 
-    lidar: LidarSettings
+    lidar: qp.Lidar
     stamps: np.ndarray
     ranges: np.ndarray
     odometry: np.ndarray
@@ -189,7 +190,9 @@ def record(
                 truth[k, i] = mover.motion(time)
     odometry = drifted(poses, drift, random)
     reach = [mover.reach for mover in scene.movers]
-    return Recorded(lidar, stamps, np.array(rows), odometry, poses, truth, reach)
+    return Recorded(
+        sensor.geometry, stamps, np.array(rows), odometry, poses, truth, reach
+    )
 
 
 def drifted(poses: np.ndarray, drift: Drift, random: np.random.Generator) -> np.ndarray:
