@@ -12,8 +12,8 @@ import numpy as np
 
 import qpavoid as qp
 
-GROUP, PROPORTION, POINTS, SPLIT, LARGEST = 0.1, 0.00628, 5, 0.2, 0.6
-"""m and m/m between neighbours of a group; echoes; m off a line; m radius."""
+GROUP, POINTS, SPLIT, LARGEST = 0.1, 5, 0.2, 0.6
+"""m between neighbours of a group; its echoes; m off a line; m radius."""
 
 REACH, KEPT, RATE, PLACE_NOISE, SPEED_NOISE, NOISE = 0.3, 2.0, 100.0, 0.01, 0.1, 1.0
 """m to a track; s unseen; Hz; variances of a step and of a measurement."""
@@ -29,11 +29,11 @@ class Peer:
     def track(self, time: float, odometry, ranges: np.ndarray) -> np.ndarray:
         """Return the tracks (n, 4) x, y, v_x, v_y, robot frame."""
         pose, sensor = np.exp(1j * odometry[2]), np.exp(1j * self._lidar.mount[2])
-        angles = self._lidar.step(len(ranges)) * np.arange(len(ranges))
-        rays = np.exp(1j * (angles - 0.5 * self._lidar.field_of_view))
+        step, wide = self._lidar.step(len(ranges)), self._lidar.field_of_view
+        rays = np.exp(1j * (step * np.arange(len(ranges)) - 0.5 * wide))
         origin = complex(*odometry[:2]) + pose * complex(*self._lidar.mount[:2])
         echo = np.isfinite(ranges) & (ranges < self._lidar.range_max)
-        centres = circles(ranges[echo] * rays[echo]) * pose * sensor + origin
+        centres = circles(ranges[echo] * rays[echo], step) * pose * sensor + origin
         steps = 0 if math.isnan(self._time) else round((time - self._time) * RATE)
         move = np.array([[1.0, 1.0 / RATE], [0.0, 1.0]])
         known, left = [], list(centres)
@@ -56,32 +56,29 @@ class Peer:
         return (found / pose).view(float)
 
 
-def circles(echoes: np.ndarray) -> np.ndarray:
-    """Return the centres of circles among echoes in scan order, complex, m."""
-    gaps = np.abs(np.diff(echoes)) > GROUP + PROPORTION * np.abs(echoes[1:])
+def circles(echoes: np.ndarray, step: float) -> np.ndarray:
+    """Return the centres of circles among echoes in scan order, complex, m.
+
+    ``step`` is the angle between beams, rad, by which limits grow with the range.
+    """
+    gaps = np.abs(np.diff(echoes)) > GROUP + step * np.abs(echoes[1:])
     groups, found = np.split(echoes, np.flatnonzero(gaps) + 1), []
     for k, group in enumerate(groups):
-        beside = groups[k - 1][-1:], groups[(k + 1) % len(groups)][:1]
-        ends = (
-            abs(group[0]) if len(group) else 0.0,
-            abs(group[-1]) if len(group) else 0.0,
-        )
-        visible = all(
-            abs(b[0]) > e for b, e in zip(beside, ends, strict=True) if len(b)
-        )
-        for part in split(group) if visible and len(group) >= POINTS else []:
-            length = abs(part[-1] - part[0])
-            middle, radius = 0.5 * (part[0] + part[-1]), length / math.sqrt(3.0)
+        behind = np.abs([groups[k - 1][-1:], groups[(k + 1) % len(groups)][:1]])
+        visible = len(group) >= POINTS and (behind.T > np.abs(group[[0, -1]])).all()
+        for part in split(group, step) if visible else []:
+            middle = 0.5 * (part[0] + part[-1])
+            radius = abs(part[-1] - part[0]) / math.sqrt(3.0)
             if 0.0 < radius < LARGEST:
                 found.append(middle + 0.5 * radius * middle / abs(middle))
     return np.array(found, dtype=complex)
 
 
-def split(group: np.ndarray) -> list[np.ndarray]:
+def split(group: np.ndarray, step: float) -> list[np.ndarray]:
     """Return the parts of a group that are straight to :data:`SPLIT`."""
     line = group[-1] - group[0]
     off = np.abs(((group - group[0]) * line.conjugate()).imag) / max(abs(line), 1e-9)
     k = int(off.argmax())
-    if off[k] <= SPLIT + PROPORTION * abs(group[k]) or not 0 < k < len(group) - 1:
+    if off[k] <= SPLIT + step * abs(group[k]) or not 0 < k < len(group) - 1:
         return [group]
-    return split(group[: k + 1]) + split(group[k:])
+    return split(group[: k + 1], step) + split(group[k:], step)
