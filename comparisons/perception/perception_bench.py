@@ -17,10 +17,11 @@ from pathlib import Path
 import numpy as np
 
 import qpavoid as qp
-from perception_measures import Measured, measure
+from perception_measures import Measured, echoes_of, measure
 from perception_peer import Peer
 from perception_scenes import (
     DRIFTS,
+    FAULTS,
     Recorded,
     along_wall,
     corridor,
@@ -53,9 +54,7 @@ STATIC = {"furnished flat": flat, "turning": spin, "pickets": pickets}
 SCENES = MOVING | STATIC
 
 EXACT = LidarSettings(beams=360, rate=10.0, noise=0.01)
-FAULTY = replace(EXACT, range=8.0, dropout=0.13, fade=0.12, sweep=-0.0845, delay=-0.01)
-"""As measured by perception_real.py in two_robots."""
-
+FAULTY = replace(EXACT, **FAULTS)
 PART = replace(EXACT, beams=270, field_of_view=1.5 * math.pi)
 SENSORS = {
     "exact": [
@@ -99,12 +98,50 @@ def total(parts: Iterable[Measured]) -> Measured:
     return whole
 
 
+def draw(path: Path, begin: float = 2.0, end: float = 13.5, every: int = 6) -> None:
+    """Draw people in a corridor, with true and estimated velocities, faulty sensor."""
+    import matplotlib.pyplot as plt
+
+    made = record(corridor(seed=3), FAULTY, seed=3)
+    track, known, echoes, truth = tracker(made), [], [], []
+    for k, time in enumerate(made.stamps):
+        found = track(time, made.odometry[k], made.ranges[k])
+        if begin < time < end and k % every == 0:
+            cos, sin = np.cos(made.poses[k, 2]), np.sin(made.poses[k, 2])
+            turn = np.array([[cos, sin], [-sin, cos]])
+            places = found[:, :2] @ turn + made.poses[k, :2]
+            known.append(np.hstack([places, found[:, 2:] @ turn]))
+            echoes.append(echoes_of(made, k) @ turn + made.poses[k, :2])
+            truth.append(made.truth[k, :, :4])
+    figure, axes = plt.subplots(figsize=(9, 2.6))
+    axes.plot(*np.vstack(echoes).T, ".", color="0.75", ms=1, label="echoes")
+    way = made.poses[(made.stamps > begin) & (made.stamps < end), :2]
+    axes.plot(*way.T, "k", lw=1, label="robot")
+    how = {"angles": "xy", "scale_units": "xy", "scale": 2.0}
+    for rows, name, color, width in (
+        (truth, "true, m in 0.5 s", "#9fd8ae", 0.007),
+        (known, "estimated", "#d95f02", 0.0025),
+    ):
+        row = np.vstack(rows).T
+        axes.quiver(*row, color=color, width=width, label=name, **how)
+    axes.set(
+        xlim=(-3, 9), ylim=(-1.2, 1.9), aspect="equal", xlabel="x, m", ylabel="y, m"
+    )
+    axes.legend(ncols=4, loc="upper center", frameon=False)
+    figure.tight_layout()
+    figure.savefig(path, dpi=120, metadata={"Software": ""})
+
+
 def main() -> None:
     """Print and write a row for each scene, static ones with each drift."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--figure", type=Path, help="only draw a corridor, .png")
     parser.add_argument("--out", type=Path, help="table to write, .csv")
     options = parser.parse_args()
+    if options.figure:
+        draw(options.figure)
+        return
     table = []
     with ProcessPoolExecutor(2) as pool:
         for sensor, views in SENSORS.items():
