@@ -134,11 +134,12 @@ def frozen(recording: Recording) -> str:
     begins = np.append(0, ends[:-1] + 1)
     longest = int((time[ends] - time[begins]).argmax())
     begin, end = time[begins[longest]], time[ends[longest]]
-    held = recording.ranges[(recording.stamps > begin) & (recording.stamps < end)]
+    held = np.where(np.isfinite(recording.ranges), recording.ranges, 1e9)
+    held = held[(recording.stamps > begin) & (recording.stamps < end)]
     if end - begin < 0.5 or not len(held):
         return ""
     change = np.abs(held[-3:].min(axis=0) - held[:3].min(axis=0))
-    change = np.median(change[np.isfinite(change)])
+    change = np.median(change[(change > 0.0) & (change < 1e3)])
     since = begin - recording.stamps[0]
     return (
         f"pose repeats for {end - begin:.1f} s from {since:.1f} s on, "

@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from perception_bench import SCENES, run, tracker
+from perception_bench import EXACT, FAULTY, METHODS, SCENES, run, tracker
 from perception_loops import KINDS, ROUND, drive
 from perception_measures import measure
+from perception_peer import circles
 from perception_scenes import DRIFTS, large, record, walk_line
 from qpavoid.lab.sensing.lidar import LidarSettings
 
@@ -50,11 +51,27 @@ def test_odometry_drifts_by_as_much_as_is_asked_for():
 
 
 def test_a_walker_is_known_and_nothing_else_moves():
-    found = run(("alone", "10 Hz", "none", 1))
+    found, peer = (run(("alone", EXACT, "none", 1, one)) for one in METHODS)
     assert found.known > 0.95 * found.to_know
     assert np.median(found.speed_errors) < 0.03
-    still = measure(made := record(SCENES["turning"](0), LIDAR), tracker(made))
-    assert still.false == 0
+    assert 0.6 * peer.to_know < peer.known < found.known
+    assert peer.false > 10 * found.false
+    for lidar in (LIDAR, FAULTY):
+        made = record(SCENES["turning"](0), lidar)
+        assert measure(made, tracker(made)).false == 0
+
+
+def test_the_faulty_sensor_loses_as_many_echoes_as_the_real_one():
+    """A tenth to a sixth of all beams have an echo, and none in the next scan."""
+    made = record(SCENES["furnished flat"](0), FAULTY)
+    echo = np.isfinite(made.ranges)
+    assert 0.1 < (echo[:-1] & ~echo[1:]).mean() < 0.17
+
+
+def test_a_circle_is_about_the_triangle_on_its_segment():
+    away = 3.0 + 1j * np.linspace(-0.15, 0.15, 9)
+    (centre,) = circles(np.concatenate([[9.0 - 9j], away, [9.0 + 9j]]), 0.01)
+    assert centre == pytest.approx(3.0 + 0.15 / math.sqrt(3.0))
 
 
 @pytest.mark.long

@@ -37,7 +37,7 @@ TIMES, CELL, YAW, COARSE = (-0.08, 0.0, 0.08), 0.1, 0.1, 20_000
 """Search for a start: s of the middles of scans and of sweeps, m of a cell, rad of a
 step, number of echoes."""
 
-PARTNERS, APART, SPAN = 8, 0.3, 20.0
+PARTNERS, APART, SPAN = 8, 0.3, 5.0
 """Scans with which each is compared; least and greatest time between them, s."""
 
 GATES, ALIKE, SOFT = (0.6, 0.4, 0.3, 0.2, 0.15, 0.15), 0.9, 0.03
