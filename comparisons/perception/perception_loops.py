@@ -112,7 +112,7 @@ def walkers(seed: int, shape: object = "person") -> Task:
             movers += pair
     walls = box_walls(-7, -5, 7, 5)
     return Task(
-        Scene("walkers", walls, [], movers, duration=45.0),
+        Scene(walls, [], movers, duration=45.0),
         (-5.5, 0.0, 0.0),
         (5.5, 0.0, 0.0),
     )
@@ -146,7 +146,7 @@ def corridor(seed: int) -> Task:
     ]
     mover = Mover(gone_after(path, start + 16.5 / speed, 0.0))
     return Task(
-        Scene("corridor", walls, [], [mover], duration=40.0),
+        Scene(walls, [], [mover], duration=40.0),
         (-5.0, 0.0, 0.0),
         (4.0, 0.0, 0.0),
     )
@@ -174,7 +174,7 @@ def rooms(seed: int) -> Task:
         )
         movers.append(Mover(lambda t, path=path, phase=phase: path(t + phase)))
     return Task(
-        Scene("rooms", walls, posts, movers, duration=60.0),
+        Scene(walls, posts, movers, duration=60.0),
         (-5.0, -0.6, 0.0),
         (5.0, 0.6, 0.0),
     )

@@ -104,18 +104,15 @@ def scans_of(events: Sequence[Event], topic: str, poses: Array) -> Recording:
     """Return the scans of a topic; InvalidInputError: their beams differ."""
     scans = [event.message for event in events if event.topic == topic]
     stamps, rows = np.unique([seconds(one.header.stamp) for one in scans], True)
-    alike = len({len(one.ranges) for one in scans}) == 1
-    want(alike, f"{topic}: no scans, or of different numbers of beams")
+    counts = {len(one.ranges) for one in scans}
+    want(len(counts) == 1 < max(counts), f"{topic}: no scans, or of unlike beams")
     ranges = np.array([scans[k].ranges for k in rows], dtype=np.float64)
     one, fan = scans[0], read_scan(scans[0]).fan
     first, step = (fan.first, fan.step) if fan else (0.0, 0.0)
     if step < 0.0:
-        first, step, ranges = (
-            first + step * (len(ranges[0]) - 1),
-            -step,
-            ranges[:, ::-1],
-        )
-    return Recording(stamps, ranges, first, step, (one.range_min, one.range_max), poses)
+        ranges, first = ranges[:, ::-1], first + step * (len(ranges[0]) - 1)
+    limits = one.range_min, one.range_max
+    return Recording(stamps, ranges, first, abs(step), limits, poses)
 
 
 def read_recording(path: Path, scan: str = "", odometry: str = "") -> Recording:
