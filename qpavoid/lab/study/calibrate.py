@@ -33,14 +33,14 @@ EXCITED = {
 }
 """Greatest half width of each parameter's interval, unit, motion that excites it."""
 
-TIMES, CELL, YAW, COARSE = (-0.08, 0.0, 0.08), 0.1, 0.1, 20_000
+TIMES, CELL, YAW, FEWER = (-0.08, 0.0, 0.08), 0.1, 0.1, 20_000
 """Search for a start: s of the middles of scans and of sweeps, m of a cell, rad of a
 step, number of echoes."""
 
-PARTNERS, APART, SPAN = 8, 0.3, 5.0
+PARTNERS, SPARED, SPAN = 8, 0.3, 5.0
 """Scans with which each is compared; least and greatest time between them, s."""
 
-GATES, ALIKE, SOFT = (0.6, 0.4, 0.3, 0.2, 0.15, 0.15), 0.9, 0.03
+GATES, COSINE, SOFT = (0.6, 0.4, 0.3, 0.2, 0.15, 0.15), 0.9, 0.03
 """m between a pair, by iteration; least cosine of its normals; m from which on
 residuals count less."""
 
@@ -190,14 +190,14 @@ class Echoes:
         found = [np.zeros((2, 0), dtype=int)]
         for k, time in enumerate(stamps):
             apart = np.abs(stamps - time)
-            others = np.flatnonzero((apart > APART) & (apart < SPAN))
+            others = np.flatnonzero((apart > SPARED) & (apart < SPAN))
             for j in random.permutation(others)[:PARTNERS]:
                 away, row = trees[j].query(flat[rows[k]], distance_upper_bound=gate)
                 near = away < gate
                 found.append(np.stack([rows[k][near], rows[j][row[near]]]))
         one, other = np.hstack(found)
         cos = along(normals[one], normals[other])
-        alike = np.abs(cos) > ALIKE
+        alike = np.abs(cos) > COSINE
         both = (normals[one] + np.sign(cos) * normals[other])[alike]
         return one[alike], other[alike], both / np.abs(both)
 
@@ -265,7 +265,7 @@ def calibrate(recording: Recording, strict: bool = True) -> Calibration:
 
 def _starts(echoes: Echoes) -> list[Array]:
     """Return parameters whose echoes fill the fewest cells, with several sweeps."""
-    rows = np.arange(0, len(echoes.scan), 1 + len(echoes.scan) // COARSE)
+    rows = np.arange(0, len(echoes.scan), 1 + len(echoes.scan) // FEWER)
 
     def cells(yaw: float, middle: float) -> int:
         places, _ = echoes.placed(np.array([0.0, 0.0, yaw, middle, 0.0]), rows)
