@@ -17,7 +17,15 @@ from typing import NamedTuple
 import numpy as np
 
 import qpavoid as qp
-from perception_scenes import BODY, Mover, Scene, box_walls, gone_after, walk_line
+from perception_scenes import (
+    BODY,
+    FAULTS,
+    Mover,
+    Scene,
+    box_walls,
+    gone_after,
+    walk_line,
+)
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.simulation.simulation import scanner
 from qpavoid.model.contacts import clearance_of
@@ -104,7 +112,7 @@ def walkers(seed: int, shape: object = "person") -> Task:
             movers += pair
     walls = box_walls(-7, -5, 7, 5)
     return Task(
-        Scene("walkers", walls, [], movers, duration=45.0),
+        Scene(walls, [], movers, duration=45.0),
         (-5.5, 0.0, 0.0),
         (5.5, 0.0, 0.0),
     )
@@ -138,7 +146,7 @@ def corridor(seed: int) -> Task:
     ]
     mover = Mover(gone_after(path, start + 16.5 / speed, 0.0))
     return Task(
-        Scene("corridor", walls, [], [mover], duration=40.0),
+        Scene(walls, [], [mover], duration=40.0),
         (-5.0, 0.0, 0.0),
         (4.0, 0.0, 0.0),
     )
@@ -166,7 +174,7 @@ def rooms(seed: int) -> Task:
         )
         movers.append(Mover(lambda t, path=path, phase=phase: path(t + phase)))
     return Task(
-        Scene("rooms", walls, posts, movers, duration=60.0),
+        Scene(walls, posts, movers, duration=60.0),
         (-5.0, -0.6, 0.0),
         (5.0, 0.6, 0.0),
     )
@@ -260,10 +268,12 @@ def drive(task: Task, sense: str, lidar: LidarSettings, seed: int) -> Outcome:
     return Outcome(arrived, len(made.touched), still, made.furniture, time - WARM)
 
 
-def run(job: tuple[str, int, str]) -> Outcome:
-    """Return the outcome of a kind, seed and sense."""
-    kind, seed, sense = job
-    return drive(KINDS[kind](seed), sense, PART if kind == "rooms" else ROUND, seed)
+def run(job: tuple[str, int, str, bool]) -> Outcome:
+    """Return the outcome of a kind, seed and sense, with a faulty LiDAR or not."""
+    kind, seed, sense, faulty = job
+    lidar = PART if kind == "rooms" else ROUND
+    lidar = replace(lidar, **FAULTS) if faulty else lidar
+    return drive(KINDS[kind](seed), sense, lidar, seed)
 
 
 def main() -> None:
@@ -272,13 +282,15 @@ def main() -> None:
     parser.add_argument("--scenes", type=int, default=60)
     parser.add_argument("--begin", type=int, default=0, help="first seed")
     parser.add_argument("--kinds", nargs="*", default=list(KINDS))
+    parser.add_argument("--faulty", action="store_true", help="faults as measured")
     parser.add_argument("--senses", nargs="*", default=["true", "points", "perception"])
     options = parser.parse_args()
     seeds = range(options.begin, options.begin + options.scenes)
     with ProcessPoolExecutor(2) as pool:
         for kind in options.kinds:
             for sense in options.senses:
-                out = list(pool.map(run, [(kind, seed, sense) for seed in seeds]))
+                jobs = [(kind, seed, sense, options.faulty) for seed in seeds]
+                out = list(pool.map(run, jobs))
                 row = {
                     "success": sum(one.success for one in out),
                     "touched": sum(one.touched for one in out),

@@ -20,8 +20,8 @@ SKIPPED = 1.5
 FALSE = 0.2
 """m/s; a velocity above it with no mover near is false."""
 
-SETTLED = 0.6
-"""s after the first sight from which on a mover is to be known."""
+SETTLED, MOVES = 0.6, 0.1
+"""s after the first sight in motion from which on a mover is to be known; m/s."""
 
 Tracker = Callable[[float, tuple[float, float, float], np.ndarray], np.ndarray]
 """Of stamp, odometry and ranges: (m, 4) x, y, v_x, v_y of movers, robot frame."""
@@ -40,26 +40,21 @@ class Measured:
     place_errors: list[float] = field(default_factory=list)
     waits: list[float] = field(default_factory=list)
 
-    def row(self) -> str:
-        """Return the figures as text: shares, medians and 90 % quantiles."""
+    def row(self) -> dict[str, object]:
+        """Return the figures: shares, medians and 90 % quantiles; m, s."""
         share = 100.0 / max(self.scans, 1)
-        return ", ".join(
-            [
-                f"false {share * self.false:.2f} %",
-                f"within 5 m {share * self.false_near:.2f} %",
-                f"right {self.known / max(self.to_know, 1):.3f} of {self.to_know}",
-                f"velocity {halves(self.speed_errors)} m/s",
-                f"place {halves(self.place_errors)} m",
-                f"known after {halves(self.waits)} s",
-            ]
-        )
-
-
-def halves(values: list[float]) -> str:
-    """Return the median and the 90 % quantile."""
-    if not values:
-        return "-"
-    return "/".join(f"{np.quantile(values, q):.3f}" for q in (0.5, 0.9))
+        found: dict[str, object] = {
+            "scans": self.scans,
+            "false_near_percent": round(share * self.false_near, 2),
+            "false_percent": round(share * self.false, 2),
+            "right": round(self.known / self.to_know, 3) if self.to_know else "",
+            "right_of": self.to_know,
+        }
+        for name in ("speed_errors", "place_errors", "waits"):
+            values = getattr(self, name)
+            for mark, q in (("median", 0.5), ("p90", 0.9)) if values else ():
+                found[f"{name}_{mark}"] = round(float(np.quantile(values, q)), 3)
+        return found
 
 
 def to_robot(pose: np.ndarray, states: np.ndarray) -> np.ndarray:
@@ -86,8 +81,9 @@ def measure(made: Recorded, tracker: Tracker) -> Measured:
         for i, one in enumerate(truth):
             seen = np.hypot(*(echoes - one[:2]).T) < made.reach[i] + 0.1
             if seen.sum() >= 2:
-                first.setdefault(i, time)
-                known = judge_known(total, found, one, time - first[i])
+                if math.hypot(*one[2:4]) > MOVES:
+                    first.setdefault(i, time)
+                known = judge_known(total, found, one, time - first.get(i, time))
                 if known and i not in done:
                     done.add(i)
                     total.waits.append(time - first[i])
@@ -97,8 +93,8 @@ def measure(made: Recorded, tracker: Tracker) -> Measured:
 def echoes_of(made: Recorded, k: int) -> np.ndarray:
     """Return the echoes (n, 2) of a scan in the robot frame, m."""
     lidar, ranges = made.lidar, made.ranges[k]
-    beam = (np.arange(lidar.beams) + 0.5) / lidar.beams - 0.5
-    angles = lidar.field_of_view * beam + lidar.mount[2]
+    angles = lidar.step(len(ranges)) * np.arange(len(ranges))
+    angles += lidar.mount[2] - 0.5 * lidar.field_of_view
     rays = np.column_stack([np.cos(angles), np.sin(angles)])
     echo = np.isfinite(ranges)
     return ranges[echo, None] * rays[echo] + lidar.mount[:2]
@@ -124,7 +120,7 @@ def judge_known(
         truth: (4,) of the mover.
         since: s since it was seen first.
     """
-    if math.hypot(*truth[2:]) < 0.1:
+    if math.hypot(*truth[2:]) < MOVES:
         return False
     apart = np.hypot(*(found[:, :2] - truth[:2]).T)
     near = int(np.argmin(apart)) if len(found) else 0

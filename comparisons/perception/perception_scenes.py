@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+import qpavoid as qp
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.model.obstacles import Obstacles
 
@@ -22,6 +23,9 @@ BODY = 0.25
 SHIN, STRIDE, SPREAD = 0.06, 0.35, 0.11
 """m; radius of a shin, its swing ahead and behind, half the distance of both."""
 
+
+FAULTS = {"range": 8.0, "dropout": 0.13, "fade": 0.12, "sweep": -0.085, "delay": -0.004}
+"""Of the LiDAR in two_robots, as measured by perception_real.py."""
 
 REST = 2.0
 """s that a walker rests where it turns round."""
@@ -91,7 +95,6 @@ class Scene:
     """A world, its movers, and the way of the robot.
 
     Attributes:
-        name: Of it.
         walls: (n, 4) x1, y1, x2, y2, m.
         posts: (n, 3) x, y, radius of discs at rest, m.
         movers: Bodies in motion.
@@ -99,7 +102,6 @@ class Scene:
         duration: s.
     """
 
-    name: str
     walls: list[Sequence[float]] = field(default_factory=list)
     posts: list[Sequence[float]] = field(default_factory=list)
     movers: list[Mover] = field(default_factory=list)
@@ -125,7 +127,7 @@ class Recorded(NamedTuple):
     """Scans of a scene, and the truth.
 
     Attributes:
-        lidar: Sensor.
+        lidar: Geometry of the sensor.
         stamps: (n,) s.
         ranges: (n, beams) m; ``inf``: no echo within range; NaN: lost.
         odometry: (n, 3) x, y, heading with drift, m, m, rad.
@@ -134,7 +136,7 @@ class Recorded(NamedTuple):
         reach: (movers,) greatest distance of its outline from its place, m.
     """
 
-    lidar: LidarSettings
+    lidar: qp.Lidar
     stamps: np.ndarray
     ranges: np.ndarray
     odometry: np.ndarray
@@ -189,7 +191,9 @@ def record(
                 truth[k, i] = mover.motion(time)
     odometry = drifted(poses, drift, random)
     reach = [mover.reach for mover in scene.movers]
-    return Recorded(lidar, stamps, np.array(rows), odometry, poses, truth, reach)
+    return Recorded(
+        sensor.settings.geometry, stamps, np.array(rows), odometry, poses, truth, reach
+    )
 
 
 def drifted(poses: np.ndarray, drift: Drift, random: np.random.Generator) -> np.ndarray:
@@ -285,7 +289,7 @@ def flat(seed: int = 0) -> Scene:
     pickets = [(-3.5 + 0.12 * k, 3.9, 0.015) for k in range(12)]
     way = [(-2.0, -1.2), (2.5, -1.2), (2.5, 0.2), (2.5, 2.2), (2.5, 0.2), (-0.5, 0.2)]
     way += [(-0.5, 2.2), (-0.5, 0.2), (-3.0, 0.2), (-3.0, -1.2)]
-    return Scene("flat", walls, posts + pickets, [], tour(way), 60.0)
+    return Scene(walls, posts + pickets, [], tour(way), 60.0)
 
 
 def still_robot(x: float = 0.0, y: float = 0.0, heading: float = 0.0):
@@ -302,27 +306,21 @@ def crossings(shape: object = "person", abreast: int = 1, seed: int = 0) -> Scen
     movers = []
     for k in range(8):
         speed, angle = random.uniform(0.5, 1.5), random.uniform(-math.pi, math.pi)
-        near, along = random.uniform(0.8, 2.5), 4.5
+        near = random.uniform(0.8, 2.5)
         c, s = math.cos(angle), math.sin(angle)
         start = 3.0 + 7.0 * k
         for i in range(abreast):
             off = near + 0.65 * i
-            begin = np.clip(
-                (-s * off - c * along, c * off - s * along), (-4.6, -3.6), (4.6, 3.6)
-            )
-            end = np.clip(
-                (-s * off + c * along, c * off + s * along), (-4.6, -3.6), (4.6, 3.6)
-            )
-            if abreast > 1:  # the clip above must not bring them together
-                begin = np.array((-s * off - 3.0 * c, c * off - 3.0 * s))
-                end = np.array((-s * off + 3.0 * c, c * off + 3.0 * s))
+            way = 3.0 if abreast > 1 else 4.5  # a clip would bring several together
+            begin = np.array((-s * off - c * way, c * off - s * way))
+            end = np.array((-s * off + c * way, c * off + s * way))
+            if abreast == 1:
+                room = (-4.6, -3.6), (4.6, 3.6)
+                begin, end = np.clip(begin, *room), np.clip(end, *room)
             path = walk_line(begin, end, speed, start)
             until = start + math.dist(begin, end) / speed
             movers.append(Mover(gone_after(path, until, start), shape, start))
-    name = {1: "alone", 2: "two abreast", 3: "three abreast"}[abreast]
-    if shape == "shins":
-        name = "shins"
-    return Scene(name, list(ROOM), [(-3.0, 3.0, 0.03)], movers, still_robot(), 60.0)
+    return Scene(list(ROOM), [(-3.0, 3.0, 0.03)], movers, still_robot(), 60.0)
 
 
 def gone_after(path, until: float, start: float):
@@ -337,27 +335,13 @@ def corridor(seed: int = 0) -> Scene:
     for k in range(6):
         y = random.uniform(-0.7, 0.7)
         start = 2.0 + 8.0 * k
-        begin, end = (9.0, y), (-9.0, y)
         speed = random.uniform(0.5, 1.4)
-        movers.append(
-            Mover(
-                gone_after(
-                    walk_line(begin, end, speed, start), start + 18.0 / speed, start
-                ),
-                "person",
-                start,
-            )
-        )
-    walls = [
-        (-10, -1, 10, -1),
-        (-10, 1, 2, 1),
-        (3, 1, 10, 1),
-        (10, -1, 10, 1),
-        (-10, -1, -10, 1),
-    ]
-    return Scene(
-        "corridor", walls, [], movers, tour([(-3.0, 0.0), (3.0, 0.0)], 0.4, 0.8), 50.0
-    )
+        path = walk_line((9.0, y), (-9.0, y), speed, start)
+        path = gone_after(path, start + 18.0 / speed, start)
+        movers.append(Mover(path, begins=start))
+    walls = [(-10, -1, 10, -1), (-10, 1, 2, 1), (3, 1, 10, 1)]
+    walls += [(10, -1, 10, 1), (-10, -1, -10, 1)]
+    return Scene(walls, [], movers, tour([(-3.0, 0.0), (3.0, 0.0)], 0.4, 0.8), 50.0)
 
 
 def along_wall(seed: int = 0) -> Scene:
@@ -366,10 +350,9 @@ def along_wall(seed: int = 0) -> Scene:
     for k, speed in enumerate((0.6, 0.9, 1.2, 1.5)):
         start = 2.0 + 9.0 * k
         path = walk_line((-4.5, 4 - 0.45), (4.5, 4 - 0.45), speed, start)
-        movers.append(
-            Mover(gone_after(path, start + 9.0 / speed, start), "person", start)
-        )
-    return Scene("along a wall", list(ROOM), [], movers, still_robot(0.0, 1.0), 40.0)
+        path = gone_after(path, start + 9.0 / speed, start)
+        movers.append(Mover(path, begins=start))
+    return Scene(list(ROOM), [], movers, still_robot(0.0, 1.0), 40.0)
 
 
 def occlusion(seed: int = 0) -> Scene:
@@ -378,11 +361,10 @@ def occlusion(seed: int = 0) -> Scene:
     for k, speed in enumerate((0.8, 1.1, 1.4, 0.6)):
         start = 2.0 + 9.0 * k
         path = walk_line((4.5, 3.0), (-4.5, 0.8), speed, start)
-        movers.append(
-            Mover(gone_after(path, start + 9.26 / speed, start), "person", start)
-        )
+        path = gone_after(path, start + 9.26 / speed, start)
+        movers.append(Mover(path, begins=start))
     walls = [*ROOM, (1.0, 0.8, 1.0, 3.0), (1.0, 3.0, 3.0, 3.0)]
-    return Scene("occlusion", walls, [], movers, still_robot(-1.0, -1.0, 0.5), 40.0)
+    return Scene(walls, [], movers, still_robot(-1.0, -1.0, 0.5), 40.0)
 
 
 def stop_and_go(seed: int = 0) -> Scene:
@@ -394,9 +376,7 @@ def stop_and_go(seed: int = 0) -> Scene:
         x = -3.2 + 0.8 * way if time > 2.0 else -3.2
         return (x, 2.0, 0.0) if phase < 12.0 and time < 50.0 else (1e3, 1e3, 0.0)
 
-    return Scene(
-        "stop and go", list(ROOM), [], [Mover(path, "person", 2.0)], still_robot(), 50.0
-    )
+    return Scene(list(ROOM), [], [Mover(path, "person", 2.0)], still_robot(), 50.0)
 
 
 def large(kind: str) -> Scene:
@@ -414,29 +394,17 @@ def large(kind: str) -> Scene:
             )
             return (0.05, 1.95, -angle if time > 3.0 else 0.0)
 
-        return Scene(
-            "door", walls, [], [Mover(path, leaf)], still_robot(0.0, -1.0, 1.57), 40.0
-        )
+        return Scene(walls, [], [Mover(path, leaf)], still_robot(0.0, -1.0, 1.57), 40.0)
     shape = rectangle(1.2, 0.8) if kind == "cart" else rectangle(0.6, 0.4)
     movers = []
-    for k, (begin, end, speed) in enumerate(
-        [
-            ((-4, 2.2), (4, 2.2), 0.8),
-            ((4, -2), (-4, 1.8), 1.0),
-            ((-2.2, -3), (-2.2, 3), 0.6),
-            ((4, 1.5), (1.2, 0.2), 0.5),
-        ]
-    ):
+    ways = [((-4, 2.2), (4, 2.2), 0.8), ((4, -2), (-4, 1.8), 1.0)]
+    ways += [((-2.2, -3), (-2.2, 3), 0.6), ((4, 1.5), (1.2, 0.2), 0.5)]
+    for k, (begin, end, speed) in enumerate(ways):
         start = 3.0 + 14.0 * k
         until = start + math.dist(begin, end) / speed
-        movers.append(
-            Mover(
-                gone_after(walk_line(begin, end, speed, start), until, start),
-                shape,
-                start,
-            )
-        )
-    return Scene(kind, walls, [], movers, still_robot(), 58.0)
+        path = gone_after(walk_line(begin, end, speed, start), until, start)
+        movers.append(Mover(path, shape, start))
+    return Scene(walls, [], movers, still_robot(), 58.0)
 
 
 def spin(seed: int = 0) -> Scene:
@@ -450,11 +418,11 @@ def spin(seed: int = 0) -> Scene:
     posts = [(-1.0 + 0.13 * k, 1.2, 0.015) for k in range(7)] + [
         (2.0 + 0.13 * k, 1.2, 0.015) for k in range(5)
     ]
-    return Scene("turning", walls, posts, [], lambda t: (0.0, 0.3, 1.0 * t), 40.0)
+    return Scene(walls, posts, [], lambda t: (0.0, 0.3, 1.0 * t), 40.0)
 
 
 def pickets(seed: int = 0) -> Scene:
     """Return a drive along a wall with gaps and pickets; nothing moves."""
     scene = spin()
-    scene.name, scene.robot = "pickets", tour([(-4.0, 0.0), (4.0, 0.0)], 1.0, 1.0)
+    scene.robot = tour([(-4.0, 0.0), (4.0, 0.0)], 1.0, 1.0)
     return scene

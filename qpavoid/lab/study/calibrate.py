@@ -33,14 +33,14 @@ EXCITED = {
 }
 """Greatest half width of each parameter's interval, unit, motion that excites it."""
 
-TIMES, CELL, YAW, COARSE = (-0.08, 0.0, 0.08), 0.1, 0.1, 20_000
+TIMES, CELL, YAW, FEWER = (-0.08, 0.0, 0.08), 0.1, 0.1, 20_000
 """Search for a start: s of the middles of scans and of sweeps, m of a cell, rad of a
 step, number of echoes."""
 
-PARTNERS, APART, SPAN = 8, 0.3, 20.0
+PARTNERS, SPARED, SPAN = 8, 0.3, 5.0
 """Scans with which each is compared; least and greatest time between them, s."""
 
-GATES, ALIKE, SOFT = (0.6, 0.4, 0.3, 0.2, 0.15, 0.15), 0.9, 0.03
+GATES, COSINE, SOFT = (0.6, 0.4, 0.3, 0.2, 0.15, 0.15), 0.9, 0.03
 """m between a pair, by iteration; least cosine of its normals; m from which on
 residuals count less."""
 
@@ -104,18 +104,15 @@ def scans_of(events: Sequence[Event], topic: str, poses: Array) -> Recording:
     """Return the scans of a topic; InvalidInputError: their beams differ."""
     scans = [event.message for event in events if event.topic == topic]
     stamps, rows = np.unique([seconds(one.header.stamp) for one in scans], True)
-    alike = len({len(one.ranges) for one in scans}) == 1
-    want(alike, f"{topic}: no scans, or of different numbers of beams")
+    counts = {len(one.ranges) for one in scans}
+    want(len(counts) == 1 < max(counts), f"{topic}: no scans, or of unlike beams")
     ranges = np.array([scans[k].ranges for k in rows], dtype=np.float64)
     one, fan = scans[0], read_scan(scans[0]).fan
     first, step = (fan.first, fan.step) if fan else (0.0, 0.0)
     if step < 0.0:
-        first, step, ranges = (
-            first + step * (len(ranges[0]) - 1),
-            -step,
-            ranges[:, ::-1],
-        )
-    return Recording(stamps, ranges, first, step, (one.range_min, one.range_max), poses)
+        ranges, first = ranges[:, ::-1], first + step * (len(ranges[0]) - 1)
+    limits = one.range_min, one.range_max
+    return Recording(stamps, ranges, first, abs(step), limits, poses)
 
 
 def read_recording(path: Path, scan: str = "", odometry: str = "") -> Recording:
@@ -193,14 +190,14 @@ class Echoes:
         found = [np.zeros((2, 0), dtype=int)]
         for k, time in enumerate(stamps):
             apart = np.abs(stamps - time)
-            others = np.flatnonzero((apart > APART) & (apart < SPAN))
+            others = np.flatnonzero((apart > SPARED) & (apart < SPAN))
             for j in random.permutation(others)[:PARTNERS]:
                 away, row = trees[j].query(flat[rows[k]], distance_upper_bound=gate)
                 near = away < gate
                 found.append(np.stack([rows[k][near], rows[j][row[near]]]))
         one, other = np.hstack(found)
         cos = along(normals[one], normals[other])
-        alike = np.abs(cos) > ALIKE
+        alike = np.abs(cos) > COSINE
         both = (normals[one] + np.sign(cos) * normals[other])[alike]
         return one[alike], other[alike], both / np.abs(both)
 
@@ -268,7 +265,7 @@ def calibrate(recording: Recording, strict: bool = True) -> Calibration:
 
 def _starts(echoes: Echoes) -> list[Array]:
     """Return parameters whose echoes fill the fewest cells, with several sweeps."""
-    rows = np.arange(0, len(echoes.scan), 1 + len(echoes.scan) // COARSE)
+    rows = np.arange(0, len(echoes.scan), 1 + len(echoes.scan) // FEWER)
 
     def cells(yaw: float, middle: float) -> int:
         places, _ = echoes.placed(np.array([0.0, 0.0, yaw, middle, 0.0]), rows)

@@ -166,6 +166,42 @@ def test_noise_and_dropouts_are_seeded():
     assert not len(scan(dropout=1.0))
 
 
+def test_echoes_fade_with_range_and_incidence():
+    wall = Obstacles(walls=[(1.0, -99.0, 1.0, 99.0)])
+    settings = LidarSettings(beams=4000, range=10.0, noise=0.0, fade=0.5)
+    many = Lidar(settings)
+    scans = np.array([many.measure(lambda _: ((0, 0, 0), wall)) for _ in range(100)])
+    exact = many.ranges((0.0, 0.0, 0.0), wall)
+    lost = 1.0 - np.isfinite(scans).mean(axis=0)[exact < 9.0]
+    # r = 1 m / cos ι: the exponent is fade · r² / range, r in m.
+    expected = 1.0 - np.exp(-0.5 * exact[exact < 9.0] ** 2 / 10.0)
+    assert np.abs(lost - expected).max() < 0.25
+    assert np.abs(lost - expected).mean() < 0.05
+
+
+@pytest.mark.parametrize("sweep", [0.1, -0.1])
+def test_beams_of_a_sweep_see_where_robot_and_walls_were(sweep):
+    """A wall that comes nearer, before a robot that turns; 8 slices of the sweep."""
+    settings = LidarSettings(2.0, 160, rate=5.0, noise=0.0, sweep=sweep, delay=0.03)
+    lidar = Lidar(settings)
+    for k in range(3):
+        time = 0.2 * k
+        place = 4.0 - 0.5 * time
+        wall = Obstacles(
+            walls=[(place, -90.0, place, 90.0)], wall_velocities=[(-0.5, 0.0)]
+        )
+        lidar.scan((0.0, 0.0, 1.0 * time), time, wall)
+    assert lidar.taken == pytest.approx(0.4 - 0.1 + 0.03)
+    assert lidar.pose[2] == pytest.approx(lidar.taken)
+    share = (np.arange(160) + 0.5) / 160
+    times = 0.4 - 0.1 + 0.1 * (share if sweep > 0 else 1.0 - share)
+    angles = 2.0 * (share - 0.5) + times
+    expected = (4.0 - 0.5 * times) / np.cos(angles)
+    seen = lidar.last < 8.0
+    assert seen.sum() > 50
+    assert lidar.last[seen] == pytest.approx(expected[seen], rel=0.03)
+
+
 def test_time_does_not_run_backwards():
     lidar = Lidar()
     lidar.scan((0.0, 0.0, 0.0), 1.0, EMPTY)
