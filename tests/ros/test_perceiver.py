@@ -129,7 +129,7 @@ def test_two_scanners_are_one_map():
 
 
 def test_a_scanner_may_be_upside_down():
-    """An upside-down scanner turns to the right: beams and sideways lean are mirrored."""
+    """An upside-down scanner turns to the right: beams and lean are mirrored."""
     poses = (0.35, 0.0, 0.2, math.pi, 0.0, 0.4)
     guard = guarded(frames=("scan",), frame_poses=poses)
     world = World(guard, lambda ranges, *rest: beam_first(ranges[::-1], *rest))
