@@ -42,6 +42,10 @@ SPEED, ARRIVED, WARM, SIGHT = 0.7, 0.15, 1.0, 8.0
 """m/s of the reference; m from the goal; s of scans before the start; m in which true
 discs are known."""
 
+START, FREE = 1.5, 0.75
+"""m/s² with which people in rooms start and stop; m of a corridor beside a person, at
+least: the robot's width and twice r_min, with 5 cm to spare."""
+
 ROUND = LidarSettings(beams=360, noise=0.01)
 PART = LidarSettings(
     field_of_view=1.5 * math.pi, beams=270, noise=0.01, mount=(0.35, 0.0, 0.0)
@@ -131,10 +135,11 @@ def keep_apart(a: Mover, b: Mover) -> bool:
 
 
 def corridor(seed: int) -> Task:
-    """Return a corridor of 1.6 to 2.2 m with a person oncoming."""
-    random = np.random.default_rng(seed)
-    half = random.uniform(0.8, 1.1)
-    y = random.uniform(-1.0, 1.0) * (half - BODY - 0.1)
+    """Return a corridor of 1.6 to 2.2 m with a person oncoming, who can be passed."""
+    random, half, y = np.random.default_rng(seed), 0.0, 0.0
+    while half + abs(y) - BODY < FREE:
+        half = random.uniform(0.8, 1.1)
+        y = random.uniform(-1.0, 1.0) * (half - BODY - 0.1)
     speed = random.uniform(0.5, 1.4)
     start = random.uniform(0.0, 3.0)
     path = walk_line((8.0, y), (-30.0, y), speed, start)
@@ -153,7 +158,10 @@ def corridor(seed: int) -> Task:
 
 
 def rooms(seed: int) -> Task:
-    """Return two furnished rooms with a door, and three people who walk to and fro."""
+    """Return two furnished rooms with a door, and three people who walk to and fro.
+
+    They rest for 2 s at both ends.
+    """
     random = np.random.default_rng(seed)
     walls = [*box_walls(-6, -3.5, 6, 3.5), (0, -3.5, 0, -0.8), (0, 0.8, 0, 3.5)]
     posts = []
@@ -164,14 +172,15 @@ def rooms(seed: int) -> Task:
         else:
             posts += [(x + a, y + b, 0.025) for a in (-0.5, 0.5) for b in (-0.3, 0.3)]
     movers = []
-    for _ in range(3):
+    while len(movers) < 3:
         room = -1.0 if random.random() < 0.5 else 1.0
-        begin = (room * random.uniform(1.3, 3.2), random.uniform(-1.5, -1.2))
-        end = (room * random.uniform(1.3, 3.2), random.uniform(1.2, 1.5))
-        path, phase = (
-            walk_line(begin, end, random.uniform(0.4, 1.1)),
-            random.uniform(0.0, 12.0),
-        )
+        x = room * random.uniform(1.0, 5.2, 2)
+        begin, end = np.column_stack([x, random.uniform(-1.5, 1.5, 2)])
+        speed, phase = random.uniform(0.4, 1.1), random.uniform(0.0, 12.0)
+        near = min(math.dist(begin, (-5.0, -0.6)), math.dist(end, (-5.0, -0.6)))
+        if math.dist(begin, end) < 2.0 or near < 1.5:
+            continue
+        path = walk_line(begin, end, speed, 0.0, START)
         movers.append(Mover(lambda t, path=path, phase=phase: path(t + phase)))
     return Task(
         Scene(walls, posts, movers, duration=60.0),

@@ -226,18 +226,33 @@ def box_walls(x1: float, y1: float, x2: float, y2: float) -> list[tuple[float, .
     return [(x1, y1, x2, y1), (x2, y1, x2, y2), (x2, y2, x1, y2), (x1, y2, x1, y1)]
 
 
+def started(time: float, ramp: float) -> float:
+    """Return ∫ of a speed that rises to 1 within a ramp, s; 0 before."""
+    time = max(time, 0.0)
+    return 0.5 * time * time / ramp if time < ramp else time - 0.5 * ramp
+
+
 def walk_line(
-    begin: Sequence[float], end: Sequence[float], speed: float, start: float = 0.0
+    begin: Sequence[float],
+    end: Sequence[float],
+    speed: float,
+    start: float = 0.0,
+    acceleration: float = math.inf,
 ):
-    """Return the path of a walk to and fro between two places, with rests of 2 s."""
+    """Return the path of a walk to and fro between two places, with rests of 2 s.
+
+    It starts and stops with an acceleration, m/s².
+    """
     length = math.dist(begin, end)
     heading = math.atan2(end[1] - begin[1], end[0] - begin[0])
-    lasts = length / speed + REST
+    ramp = min(speed / acceleration, length / speed)
+    lasts = length / speed + ramp + REST
 
     def path(time: float) -> tuple[float, float, float]:
         phase = max(time - start, 0.0) % (2.0 * lasts)
         back = phase > lasts
-        share = min(phase % lasts * speed / length, 1.0)
+        time, top = phase % lasts, length / speed
+        share = (started(time, ramp) - started(time - top, ramp)) / top
         share = 1.0 - share if back else share
         x = begin[0] + share * (end[0] - begin[0])
         y = begin[1] + share * (end[1] - begin[1])

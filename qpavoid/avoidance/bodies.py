@@ -31,6 +31,7 @@ from qpavoid.model.capsules import (
     PIVOT_X,
     PIVOT_Y,
     RADIUS,
+    SIGMA,
     TURN,
     V_X,
     V_Y,
@@ -129,7 +130,7 @@ def cap_behind(scene: Scene, count: int, tangent: Tangent) -> None:
             set_body(scene.bodies, i, Body(
                 b.x, b.y, b.x1, b.y1, b.x2, b.y2, b.v_x, b.v_y, b.turn, b.keep - excess,
                 b.inflation, b.spread - excess, b.speed, b.growth, b.kind, b.owner,
-                -tolerance(scene), b.group))
+                -tolerance(scene), b.group, b.sigma))
             # fmt: on
 
 
@@ -141,7 +142,7 @@ def point_body(scene: Scene, place: Pair, low: float, owner: int) -> Body:
         keep += closing_margin(scene, place, (0.0, 0.0))
     # fmt: off
     return Body(x, y, z, z, z, z, z, z, z, keep, margin, keep, z, z, STANDS,
-                float(owner), math.inf, -1.0)
+                float(owner), math.inf, -1.0, z)
 
 
 @compiled_once
@@ -170,12 +171,14 @@ def capsule_body(
     x1, y1, x2, y2 = x1 - x, y1 - y, x2 - x, y2 - y
     spread = keep + math.sqrt(max(x1**2 + y1**2, x2**2 + y2**2))
     kind, turn = MOVES, c[TURN]
-    if speed <= SPEED_AT_REST or horizon == 0.0:
+    sigma = c[SIGMA]
+    still = speed <= SPEED_AT_REST and sigma == 0.0
+    if still or horizon == 0.0:
         kind, growth = (STANDS, 0.0) if speed <= SPEED_AT_REST else (CREEPS, speed)
-        v_x, v_y, turn, speed = 0.0, 0.0, 0.0, 0.0
+        v_x, v_y, turn, speed, sigma = 0.0, 0.0, 0.0, 0.0, 0.0
     # fmt: off
     return Body(x, y, x1, y1, x2, y2, v_x, v_y, turn, keep, keep - r_min, spread, speed,
-                growth, kind, c[OWNER], math.inf, -1.0)
+                growth, kind, c[OWNER], math.inf, -1.0, sigma)
 
 
 @compiled_once
@@ -195,7 +198,7 @@ def keep_at_most(scene: Scene, body: Body) -> Body:
     # fmt: off
     return Body(b.x, b.y, b.x1, b.y1, b.x2, b.y2, b.v_x, b.v_y, b.turn, keep,
                 b.inflation, spread, b.speed, growth, b.kind, b.owner, distance - keep,
-                b.group)
+                b.group, b.sigma)
 
 
 @compiled_once

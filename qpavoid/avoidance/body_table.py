@@ -31,6 +31,7 @@ class Body(NamedTuple):
         owner: Number of the obstacle.
         now: Present margin of a static body inside r_min, m, else ``inf``.
         group: Number of the group that begins with it, or −1.
+        sigma: σ of the velocity of a moving body, m/s.
     """
 
     x: float
@@ -51,6 +52,7 @@ class Body(NamedTuple):
     owner: float
     now: float
     group: float
+    sigma: float
 
 
 BODY = len(Body._fields)
@@ -73,7 +75,7 @@ def body_at(scene: Scene, i: int) -> Body:
         keep, spread, now = keep - waived, spread - waived, now + waived
     # fmt: off
     return Body(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], keep, inflation,
-                spread, b[12], b[13], kind, b[15], now, b[17])
+                spread, b[12], b[13], kind, b[15], now, b[17], b[18])
 
 
 @compiled
@@ -84,7 +86,7 @@ def set_body(bodies: Array, i: int, body: Body) -> None:
     b[4], b[5], b[6], b[7] = body.x2, body.y2, body.v_x, body.v_y
     b[8], b[9], b[10], b[11] = body.turn, body.keep, body.inflation, body.spread
     b[12], b[13], b[14], b[15] = body.speed, body.growth, body.kind, body.owner
-    b[16], b[17] = body.now, body.group
+    b[16], b[17], b[18] = body.now, body.group, body.sigma
 
 
 @compiled_once

@@ -53,4 +53,4 @@ def group_of(scene: Scene, begin: int, end: int) -> Body:
     spread = keep + math.sqrt(max(x1**2 + y1**2, x2**2 + y2**2))
     # fmt: off
     return Body(x, y, x1, y1, x2, y2, z, z, z, keep, keep - r_min, spread, z, z,
-                STANDS, float(end), math.inf, -1.0)
+                STANDS, float(end), math.inf, -1.0, z)

@@ -5,11 +5,12 @@ tracking law; following it at an offset to its left and a share of its pace; or 
 a twist for a while and tracking then. It is simulated in ticks of 0.1 s, within the
 robot's limits, among bodies of constant velocity, with a cost per tick of
 
-    |p − r|² + heading·(1 − cos Δγ) + near·(soft − m)²₊ + deep·(−m)₊
+    |p − r|² + heading·(1 − cos Δγ) + near·(soft − m + σt)²₊ + deep·(−m)₊
 
 with r the reference at that time, limited to what the robot can reach by then, m the
-margin (clearance − r_min), and an additional cost, larger for earlier times, of m < 0.
-Robot frame of the present.
+margin (clearance − r_min), σt ≤ :data:`MOST_SPREAD` with σ the standard deviation of an
+obstacle's velocity, and an additional cost, larger for earlier times, of m < 0. Robot
+frame of the present.
 """
 
 import math
@@ -38,7 +39,7 @@ from qpavoid.model.robot import limit_twist, limits_of
 from qpavoid.tracking.clock import LAST_ROW, TimedPlan, row_at
 from qpavoid.tracking.kanayama import Reference, tracking_error
 from qpavoid.tracking.station import track_step
-from qpavoid.types import Array, MatrixWritten, Pose, Sizes, Twist
+from qpavoid.types import Array, MatrixWritten, Pair, Pose, Sizes, Twist
 
 TICK = 0.1
 """s; step of a rollout."""
@@ -54,6 +55,9 @@ STAY = 15
 
 GRAZE, DEEP = 5e-3, 0.15
 """m within r_min: tolerance for rounding, and violation that ends a rollout."""
+
+MOST_SPREAD = 0.4
+"""m; the most by which the uncertainty of a velocity adds to the soft distance."""
 
 VIOLATION_COST = 1e3
 """Cost per tick after such a violation."""
@@ -94,17 +98,20 @@ class Course(NamedTuple):
 
 
 @compiled_once
-def room_at_pose(scene: Scene, at: Frame, time: float, enough: float) -> float:
-    """Return the least margin of all bodies at a robot pose and time, m."""
+def room_at_pose(scene: Scene, at: Frame, time: float, enough: float) -> Pair:
+    """Return the least margin of all bodies at a pose and time, m, and that less σt."""
     least, radius = enough, limits_of(scene.robot).circumradius
+    surest = enough
     for i in range(scene.bodies.shape[0]):
         body = body_at(scene, i)
         d_x, d_y = body.x + time * body.v_x - at.x, body.y + time * body.v_y - at.y
-        far = radius + body.spread + least
+        spread = min(body.sigma * time, MOST_SPREAD)
+        far = radius + body.spread + max(least, surest + spread)
         if far > 0.0 and d_x * d_x + d_y * d_y < far * far:
             contact = line_contact(scene.edges, body, ends_at(body, time, at))
             least = min(least, contact.distance - body.keep)
-    return least
+            surest = min(surest, contact.distance - body.keep - spread)
+    return least, surest
 
 
 @compiled
@@ -184,7 +191,7 @@ def arrival(course: Course, candidate: Candidate, soonest: int) -> int:
     """
     scene, s = course.scene, course.settings[0]
     at, heading, twist, stayed = Frame(0.0, 0.0, 1.0, 0.0), 0.0, scene.last, 0
-    level = min(s.clear, room_at_pose(scene, at, 0.0, s.clear) - GRAZE)
+    level = min(s.clear, room_at_pose(scene, at, 0.0, s.clear)[0] - GRAZE)
     for k in range(soonest + STAY):
         target = (candidate.a, candidate.b)
         if k >= candidate.held:
@@ -198,7 +205,7 @@ def arrival(course: Course, candidate: Candidate, soonest: int) -> int:
         twist = limit_twist(scene.robot, at_pace(course, target), twist, TICK)
         at = moved_on(at, twist[0], twist[1], TICK)
         heading += twist[1] * TICK
-        if room_at_pose(scene, at, TICK * (k + 1), s.clear) < level:
+        if room_at_pose(scene, at, TICK * (k + 1), s.clear)[0] < level:
             break
     return soonest
 
@@ -234,8 +241,8 @@ def roll_on(course: Course, candidate: Candidate, limit: float) -> float:
         share = min(1.0, fastest * time / max(math.sqrt(x * x + y * y), TINY))
         cost += (at.x - share * x) ** 2 + (at.y - share * y) ** 2
         cost += s.heading * (1.0 - math.cos(heading - ahead[j, HEADING]))
-        room = room_at_pose(scene, at, time, s.soft)
-        cost += s.near * (s.soft - room) ** 2
+        room, surest = room_at_pose(scene, at, time, s.soft)
+        cost += s.near * (s.soft - surest) ** 2
         if room < -GRAZE:
             cost += s.deep * -room + s.enter * (n - k) / n
             if room < -DEEP:

@@ -10,6 +10,7 @@ radius 0 in contiguous rows of one owner. Columns of a row:
     TURN              rate of turn, rad/s, counter-clockwise
     PIVOT_X, PIVOT_Y  of a polygon the centroid of its area, else the middle, m
     OWNER             number of the obstacle: points, then discs, walls, polygons
+    SIGMA             σ of the velocity, m/s
 
 In an inertial frame a point e of it is at pivot + v t + R(turn t)(e − pivot) after t
 seconds.
@@ -34,8 +35,8 @@ from qpavoid.types import (
     Sizes,
 )
 
-X1, Y1, X2, Y2, RADIUS, V_X, V_Y, TURN, PIVOT_X, PIVOT_Y, OWNER = range(11)
-CAPSULE_WIDTH = 11
+X1, Y1, X2, Y2, RADIUS, V_X, V_Y, TURN, PIVOT_X, PIVOT_Y, OWNER, SIGMA = range(12)
+CAPSULE_WIDTH = 12
 
 JOINT = 1e-9
 """m and rad; tolerance within which collinear adjoining walls are joined."""
@@ -106,6 +107,7 @@ class Rigid(NamedTuple):
         turn: rad/s.
         pivot: x, y, m.
         owner: Number of the obstacle.
+        sigma: σ of the velocity, m/s.
     """
 
     radius: float
@@ -114,6 +116,7 @@ class Rigid(NamedTuple):
     turn: float
     pivot: tuple[float, float]
     owner: int
+    sigma: float
 
 
 @compiled
@@ -123,6 +126,7 @@ def set_capsule(capsules: Array, row: int, axis: Segment, body: Rigid) -> None:
     c[X1], c[Y1], c[X2], c[Y2] = axis.x1, axis.y1, axis.x2, axis.y2
     c[RADIUS], c[V_X], c[V_Y], c[TURN] = body.radius, body.v_x, body.v_y, body.turn
     c[PIVOT_X], c[PIVOT_Y], c[OWNER] = body.pivot[0], body.pivot[1], body.owner
+    c[SIGMA] = body.sigma
 
 
 @entry
@@ -169,7 +173,7 @@ def fill_capsules(
         wall_velocities: (W, 2) m/s.
         corners: (C, 2) vertices of all polygons, one after the other, m.
         polygons: (P, 4) number of vertices, v_x, v_y (m/s), turn (rad/s).
-        capsules: (D + W + C, 11) filled.
+        capsules: (D + W + C, CAPSULE_WIDTH) filled.
 
     Returns:
         The first polygon that is not strictly convex and counter-clockwise, or −1.
@@ -177,14 +181,14 @@ def fill_capsules(
     row, owner = 0, first
     for i in range(discs.shape[0]):
         x, y, v = discs[i, 0], discs[i, 1], disc_velocities[i]
-        body = Rigid(discs[i, 2], v[0], v[1], 0.0, (x, y), owner)
+        body = Rigid(discs[i, 2], v[0], v[1], 0.0, (x, y), owner, 0.0)
         set_capsule(capsules, row, Segment(x, y, x, y), body)
         row += 1
         owner += 1
     for i in range(walls.shape[0]):
         w, v = walls[i], wall_velocities[i]
         pivot = (0.5 * (w[0] + w[2]), 0.5 * (w[1] + w[3]))
-        body = Rigid(0.0, v[0], v[1], 0.0, pivot, owner)
+        body = Rigid(0.0, v[0], v[1], 0.0, pivot, owner, 0.0)
         set_capsule(capsules, row, Segment(w[0], w[1], w[2], w[3]), body)
         row += 1
         owner += 1
@@ -195,7 +199,7 @@ def fill_capsules(
         if end > corners.shape[0] or not is_convex(corners, begin, end):
             return i
         p, pivot = polygons[i], centroid(corners, begin, end)
-        body = Rigid(0.0, p[1], p[2], p[3], pivot, owner)
+        body = Rigid(0.0, p[1], p[2], p[3], pivot, owner, 0.0)
         for j in range(begin, end):
             k = j + 1 if j + 1 < end else begin
             a, b = corners[j], corners[k]
@@ -356,7 +360,7 @@ def in_robot_frame(pose: Pose, time: float, world: Arrays, seen: ArraysWritten) 
         d_y = capsules[i, PIVOT_Y] + time * v_y - y
         here[i, PIVOT_X] = cos * d_x + sin * d_y
         here[i, PIVOT_Y] = cos * d_y - sin * d_x
-        here[i, OWNER] = capsules[i, OWNER]
+        here[i, OWNER], here[i, SIGMA] = capsules[i, OWNER], capsules[i, SIGMA]
 
 
 def like(arrays: Arrays) -> Arrays:

@@ -48,7 +48,7 @@ class Given(NamedTuple):
 
     @property
     def table(self) -> Array:
-        """(M, 11) capsules; InvalidInputError for a polygon that is not convex."""
+        """(M, CAPSULE_WIDTH) capsules; InvalidInputError: a polygon is not convex."""
         corners, polygons = NO_POINTS, NO_CHAINS
         if self.polygons:
             corners = np.concatenate(self.polygons)

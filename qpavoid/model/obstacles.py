@@ -16,6 +16,7 @@ from qpavoid.model.capsules import (
     PIVOT_X,
     PIVOT_Y,
     RADIUS,
+    SIGMA,
     TURN,
     V_X,
     V_Y,
@@ -26,7 +27,8 @@ from qpavoid.model.capsules import (
     like,
 )
 from qpavoid.model.given import NO_DISCS, NO_POINTS, NO_TURNS, NO_WALLS, given_obstacles
-from qpavoid.model.validation import NO_POLYGONS
+from qpavoid.model.validation import NO_POLYGONS, as_rows, check_finite
+from qpavoid.settings import want
 from qpavoid.types import Array, Arrays, Pose
 
 
@@ -38,6 +40,8 @@ class Obstacles:
 
     - ``points`` (N, 2): x, y in m; a sensed point is a disc of radius 0 at rest;
     - ``discs`` (D, 3): x, y, radius in m; ``disc_velocities`` (D, 2) in m/s;
+      ``disc_sigmas`` (D,), standard deviations of these velocities, m/s: the guide
+      passes uncertain discs at a greater distance;
     - ``walls`` (W, 4): x1, y1, x2, y2 in m; ``wall_velocities`` (W, 2) in m/s;
     - ``polygons``: of each its (n, 2) vertices in m, strictly convex and
       counter-clockwise; ``polygon_velocities`` (P, 3): v_x, v_y of the centroid of its
@@ -48,7 +52,7 @@ class Obstacles:
 
     Attributes:
         points: (N, 2) sensed points, m.
-        capsules: (M, 11) all others; see :mod:`qpavoid.model.capsules`.
+        capsules: (M, CAPSULE_WIDTH) all others; see :mod:`qpavoid.model.capsules`.
 
     Raises:
         InvalidInputError: Wrong shapes, not real and finite numbers, negative radii, a
@@ -67,6 +71,7 @@ class Obstacles:
         polygons: Sequence[npt.ArrayLike] = NO_POLYGONS,
         polygon_velocities: npt.ArrayLike = NO_TURNS,
         wall_velocities: npt.ArrayLike = NO_POINTS,
+        disc_sigmas: npt.ArrayLike = (),
     ) -> None:
         given = given_obstacles(
             points,
@@ -80,6 +85,13 @@ class Obstacles:
         given.check()
         object.__setattr__(self, "points", given.points.copy())
         object.__setattr__(self, "capsules", given.table)
+        sigmas = np.reshape(disc_sigmas, (-1, 1))
+        if len(sigmas):
+            want(len(sigmas) == len(given.discs), "disc_sigmas: one for every disc")
+            sigmas = as_rows(sigmas, 1, "disc_sigmas")
+            check_finite(sigmas, "disc_sigmas")
+            want(bool((sigmas >= 0.0).all()), "disc_sigmas must not be negative")
+            self.capsules[: len(sigmas), SIGMA] = sigmas[:, 0]
 
     @classmethod
     def of(cls, points: Array, capsules: Array) -> "Obstacles":
@@ -145,6 +157,11 @@ class Obstacles:
         return self.capsules[self.is_disc][:, [V_X, V_Y]]
 
     @property
+    def disc_sigmas(self) -> Array:
+        """(D,) standard deviations of the discs' velocities, m/s."""
+        return self.capsules[self.is_disc][:, SIGMA]
+
+    @property
     def lines(self) -> Array:
         """(L, 4) x1, y1, x2, y2 of the capsules with a length: walls and edges, m."""
         return self.capsules[~self.is_disc][:, X1 : Y2 + 1]
@@ -184,7 +201,10 @@ class Obstacles:
         reach = self._levers + self.capsules[:, RADIUS]
         middles = self.capsules[starts, PIVOT_X : PIVOT_Y + 1]
         discs = np.column_stack([middles, np.maximum.reduceat(reach, starts)])
-        return Obstacles(self.points, discs, self.capsules[starts, V_X : V_Y + 1])
+        velocities, sigmas = np.split(
+            self.capsules[starts][:, [V_X, V_Y, SIGMA]], [2], 1
+        )
+        return Obstacles(self.points, discs, velocities, disc_sigmas=sigmas)
 
     def chosen(self, rows: npt.NDArray[np.bool_]) -> "Obstacles":
         """Return the points and those rows (M,) of the capsules, numbered anew."""

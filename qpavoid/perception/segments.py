@@ -39,7 +39,7 @@ from qpavoid.types import Array
     LATER,  # s from the time of the scan until it was measured
     CENTRE_X,  # centre of its body, m
     CENTRE_Y,
-    SIGMA,  # σ of the centre, m
+    CENTRE_SIGMA,  # σ of the centre, m
     SEGMENT_TRACK,  # row of its track; −1: none
 ) = range(16)
 SEGMENT_WIDTH = 16

@@ -25,11 +25,13 @@ from qpavoid.perception.scan import (
     ECHO_BEAM,
     ECHO_X,
     ECHO_Y,
+    beam_towards,
     sees_through,
 )
 from qpavoid.perception.segments import (
     AWAY_X,
     AWAY_Y,
+    CENTRE_SIGMA,
     CENTRE_X,
     CENTRE_Y,
     ECHO_COUNT,
@@ -42,7 +44,6 @@ from qpavoid.perception.segments import (
     RIGHTMOST,
     SEGMENT_EXTENT,
     SEGMENT_TRACK,
-    SIGMA,
     SPACE,
     View,
 )
@@ -120,9 +121,9 @@ LEFT_TRAVEL, LEFT_QUICK, LEFT_SCORE = 0.5, 5.0, 0.5
 """m and fast scans in a row that confirm a body outside of ever-free space, and the
 score (s) of the place where it began, which has been seen through since then."""
 
-COAST, NEW_COAST, MOST_STILL = 1.0, 0.35, 30.0
-"""s for which an unseen track is kept, confirmed or new; s at rest after which a
-confirmed track becomes points."""
+COAST, NEW_COAST, UNSEEN_COAST, MOST_STILL = 1.0, 0.35, 4.0, 30.0
+"""s for which an unseen track is kept: confirmed, new, confirmed and outside of the
+field of view; s at rest after which a confirmed track becomes points."""
 
 PASSES, MOST_PASSED = 0.4, 3.0
 """m by which a beam passes a track; scans in a row after which it is dropped."""
@@ -185,7 +186,7 @@ def find_centre(
     if width < THIN:
         s[CENTRE_X] = s[MIDDLE_X] + BEHIND_SHIN * s[AWAY_X]
         s[CENTRE_Y] = s[MIDDLE_Y] + BEHIND_SHIN * s[AWAY_Y]
-        s[SIGMA] = SHIN_SIGMA
+        s[CENTRE_SIGMA] = SHIN_SIGMA
         return
     r, aside = min(radius, 0.5 * (width + s[SPACE])), 0.0
     if s[LEFTMOST] - s[RIGHTMOST] < 2.0 * r - PART_HIDDEN:
@@ -195,7 +196,7 @@ def find_centre(
             aside = s[RIGHTMOST] + r
     x = s[MIDDLE_X] + ARC * r * s[AWAY_X] - aside * s[AWAY_Y]
     y = s[MIDDLE_Y] + ARC * r * s[AWAY_Y] + aside * s[AWAY_X]
-    s[CENTRE_X], s[CENTRE_Y], s[SIGMA] = x, y, BODY_SIGMA
+    s[CENTRE_X], s[CENTRE_Y], s[CENTRE_SIGMA] = x, y, BODY_SIGMA
     if s[ECHO_COUNT] >= FIT_COUNT and s[SEGMENT_EXTENT] > THIN:
         f_x, f_y = fit_circle(view, group, r, (x, y), FIT_WEIGHT * s[ECHO_COUNT])
         if math.hypot(f_x - x, f_y - y) < FIT_SHIFT:
@@ -289,7 +290,7 @@ def measure(
             # Brought to the time of the scan.
             x += s[CENTRE_X] - t[TRACK_V_X] * s[LATER]
             y += s[CENTRE_Y] - t[TRACK_V_Y] * s[LATER]
-            sigma, total = max(sigma, s[SIGMA]), total + s[ECHO_COUNT]
+            sigma, total = max(sigma, s[CENTRE_SIGMA]), total + s[ECHO_COUNT]
             share = max(share, s[OPEN_SHARE])
     sigma = PAIR_SIGMA if t[PARTS] > 1.0 else sigma
     correct(t, x / t[PARTS], y / t[PARTS], sigma)
@@ -390,7 +391,7 @@ def begin_tracks(
         for k in range(TRACK_WIDTH):
             t[k] = 0.0
         t[TRACK_X], t[TRACK_Y], t[BORN_X], t[BORN_Y] = x, y, x, y
-        t[P_PP], t[P_VV], t[SIZE] = s[SIGMA] ** 2, 1.0, s[SEGMENT_EXTENT]
+        t[P_PP], t[P_VV], t[SIZE] = s[CENTRE_SIGMA] ** 2, 1.0, s[SEGMENT_EXTENT]
         t[LAST_SEEN], t[SIGHTS], t[ECHOES], t[NAME] = time, 1.0, 1.0, -1.0
         count += 1
     return count
@@ -434,7 +435,9 @@ def drop_lost(view: View, tracks: Array, count: int, time: float) -> int:
                 view.scan, view.sensor, t[TRACK_X], t[TRACK_Y], PASSES
             )
             t[PASSED] += 1.0 if passed else 0.0
-            coast = COAST if t[CONFIRMED] > 0.0 else NEW_COAST
+            beam = beam_towards(view.scan, view.sensor, t[TRACK_X], t[TRACK_Y])
+            coast = COAST if beam >= 0 else UNSEEN_COAST
+            coast = coast if t[CONFIRMED] > 0.0 else NEW_COAST
             keep = t[PASSED] < MOST_PASSED and time - t[LAST_SEEN] <= coast + 1e-6
         if keep:
             move_track(tracks, a, kept)

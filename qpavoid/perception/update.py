@@ -68,6 +68,7 @@ from qpavoid.perception.tracks import (
     COVER,
     MOST_TRACKS,
     NAME,
+    P_VV,
     PARTS,
     TRACK_V_X,
     TRACK_V_Y,
@@ -438,7 +439,9 @@ def obstacles_at(
                 c * t[TRACK_V_X] + s * t[TRACK_V_Y],
                 c * t[TRACK_V_Y] - s * t[TRACK_V_X],
             )
-            body = Rigid(t[COVER], v_x, v_y, 0.0, (x, y), count + discs)
+            body = Rigid(
+                t[COVER], v_x, v_y, 0.0, (x, y), count + discs, math.sqrt(t[P_VV])
+            )
             set_capsule(found.capsules, discs, Segment(x, y, x, y), body)
             discs += 1
     return count, discs

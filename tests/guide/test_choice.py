@@ -85,24 +85,25 @@ def chosen_twist(course, desired=(0.5, 0.0)):
     return driven_candidate(chosen), twist_of(course, driven_candidate(chosen), desired)
 
 
-def room(pose, discs, walls, time):
-    """Clearance less r_min, by shapely."""
+def rooms(pose, discs, walls, time):
+    """Clearance less r_min, and that less σt, by shapely."""
     x, y, heading = pose
     c, s = math.cos(heading), math.sin(heading)
     robot = shapely.Polygon(ROBOT.footprint.vertices @ [[c, s], [-s, c]] + (x, y))
-    least = math.inf
-    for d_x, d_y, radius, v_x, v_y in discs:
+    least = surest = math.inf
+    for d_x, d_y, radius, v_x, v_y, sigma in discs:
         place = shapely.Point(d_x + time * v_x, d_y + time * v_y)
         gap = robot.distance(place)
         if gap == 0.0:
             gap = -robot.exterior.distance(place)
         r_min = SETTINGS.radius.r_min(math.hypot(v_x, v_y))
         least = min(least, gap - radius - r_min)
+        surest = min(surest, gap - radius - r_min - min(sigma * time, 0.4))
     for wall in walls:
         line = shapely.LineString([wall[:2], wall[2:]])
         assert robot.distance(line) > 0.0
         least = min(least, robot.distance(line) - SETTINGS.radius.r_min())
-    return least
+    return least, min(least, surest)
 
 
 def reckoned(ahead, candidate, discs, walls, driven):
@@ -123,8 +124,8 @@ def reckoned(ahead, candidate, discs, walls, driven):
             place = place * ROBOT.limits.v_max * time / far
         cost += np.sum((pose[:2] - place) ** 2)
         cost += s.heading * (1.0 - math.cos(pose[2] - ahead[k + 1, 2]))
-        now = min(room(pose, discs, walls, time), s.soft)
-        cost += s.near * (s.soft - now) ** 2
+        now, surest = rooms(pose, discs, walls, time)
+        cost += s.near * (s.soft - min(surest, s.soft)) ** 2
         if now < -0.005:
             cost += s.deep * -now + s.enter * (n - k) / n
             assert now > -0.15
@@ -140,10 +141,16 @@ def test_a_candidate_costs_what_another_reckoning_says(seed):
             rng.choice([-1, 1], 4) * rng.uniform(0.75, 2.0, 4),
             rng.uniform(0.05, 0.3, 4),
             *rng.uniform(-0.25, 0.25, (2, 4)),
+            rng.choice([0.0, 0.1, 0.3], 4),
         ]
     )
     walls = [(-3.0, 2.6, 6.0, 2.4)]
-    world = qp.Obstacles(discs=discs[:, :3], disc_velocities=discs[:, 3:], walls=walls)
+    world = qp.Obstacles(
+        discs=discs[:, :3],
+        disc_velocities=discs[:, 3:5],
+        disc_sigmas=discs[:, 5],
+        walls=walls,
+    )
     ahead, driven = straight(aside=rng.uniform(-0.2, 0.2)), (0.4, 0.1)
     held = Candidate(HOLD, rng.uniform(-0.3, 0.8), rng.uniform(-0.5, 0.5), 5.0)
     for candidate in (Candidate(TRACK, 0.0, 1.0, 0.0), held):

@@ -115,6 +115,17 @@ def test_velocities_are_checked():
     assert_array_equal(Obstacles(discs=disc).disc_velocities, [[0.0, 0.0]])
 
 
+def test_sigmas_belong_to_the_velocities_of_discs():
+    given = {"discs": [[3.0, 0.0, 0.5]] * 2, "disc_velocities": [[1.0, 0.0]] * 2}
+    made = Obstacles([[1.0, 1.0]], **given, disc_sigmas=[0.1, 0.2])
+    for seen in (made, made.seen_from((1.0, 2.0, 0.5), 0.3), made.as_discs):
+        assert_array_equal(seen.disc_sigmas, [0.1, 0.2])
+    assert_array_equal(Obstacles(**given).disc_sigmas, [0.0, 0.0])
+    for wrong in ([0.1], [0.1, -0.1], [0.1, math.nan], ["a", "b"], [0.1] * 3):
+        with pytest.raises(InvalidInputError, match="disc_sigmas"):
+            Obstacles(**given, disc_sigmas=wrong)
+
+
 def test_negative_radii_are_refused_and_zero_is_a_point():
     with pytest.raises(InvalidInputError, match=r"discs\[1\].*-0\.1"):
         Obstacles(discs=[[3, 0, 0.1], [3, 0, -0.1]])

@@ -137,6 +137,21 @@ def test_what_left_the_view_is_remembered_until_it_is_seen_through():
     assert not [look(16.0 + 0.1 * k, 3.0, []) for k in range(6)][-1]
 
 
+def test_a_person_out_of_view_is_remembered_for_seconds():
+    front = ANGLES[np.abs(ANGLES) < 0.75 * math.pi]
+    perception = qp.Perception(ROBOT, qp.Lidar(front[-1] - front[0]))
+    for time in np.arange(0.0, 9.9, 0.1):
+        heading = math.pi / 2 if time < 4.0 else -math.pi / 2
+        pose = (0.0, 0.0, heading)
+        ranges = ray_ranges(pose, [walk(time)], angles=front)
+        found = perception.update(ranges, time, pose)
+        if 4.3 < time < 7.3:
+            (ahead, left, _), (x, y, _) = found.discs[0], walk(time)
+            assert math.hypot(x - left, y + ahead) < 0.5
+            assert math.hypot(*found.disc_velocities[0]) > 0.6
+            assert 0.1 < found.disc_sigmas[0] < 1.0 + time
+
+
 def test_obstacles_are_predicted_to_the_time_asked_for():
     perception, found = watched()
     later = perception.obstacles(5.4, (0.0, 0.0, 0.0))

@@ -12,7 +12,7 @@ const Pilot = (() => {
     eq5: { law: 5 }, eq7: { law: 7 }, qp: { ahead: false }, "qp-repulsion": { ahead: false, bound: "repulsion" },
     "qp-ahead": { ahead: true }, "qp-ahead+guide": { ahead: true, guided: true },
   };
-  const WIDTHS = { points: 2, capsules: 11, contacts: 9, discs: 3, speeds: 2, walls: 4, rest: 2, corners: 2, polygons: 4 };
+  const WIDTHS = { points: 2, capsules: 12, contacts: 9, discs: 3, speeds: 2, walls: 4, rest: 2, corners: 2, polygons: 4 };
   const [A_V, A_OMEGA, B, OWNER, ROW] = [0, 1, 2, 3, 9];  // columns of a row of the QP, and how many there are
   const [RADIUS, V_X] = [4, 5];  // columns of a capsule
 

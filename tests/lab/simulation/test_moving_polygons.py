@@ -16,7 +16,7 @@ from qpavoid.lab.planning.grid import Grid
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
-from qpavoid.model.capsules import RADIUS, X1, Y2
+from qpavoid.model.capsules import CAPSULE_WIDTH, RADIUS, X1, Y2
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import Obstacles
@@ -206,7 +206,7 @@ def test_points_on_walls_hold_both_ends_and_leave_no_gap():
 def test_mppi_sees_polygons_where_they_will_be():
     lines, edges = wide_lines(CART, SAFETY.settings), ROBOT.footprint.edges
     r_min, empty = lines[0, RADIUS], np.empty((0, 5))
-    assert 0.17 < r_min <= 0.23 and lines.shape == (4, 11)
+    assert 0.17 < r_min <= 0.23 and lines.shape == (4, CAPSULE_WIDTH)
     for time in (0.0, 2.0, 5.0):
         for x in (0.3, 0.9):
             pose = (x, 0.3, 0.2)
