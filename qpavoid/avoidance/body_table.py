@@ -66,16 +66,12 @@ and growing at its speed."""
 
 @compiled
 def body_at(scene: Scene, i: int) -> Body:
-    """Return row i of the table, with r_min capped as the scene says."""
+    """Return row i of the table."""
     b = scene.bodies[i]
-    keep, inflation, spread, kind, now = b[9], b[10], b[11], b[14], b[16]
-    # Only r_min is capped, not the inflation, which covers errors.
-    if kind != MOVES:
-        waived = max(keep - inflation - scene.closest, 0.0)
-        keep, spread, now = keep - waived, spread - waived, now + waived
     # fmt: off
-    return Body(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], keep, inflation,
-                spread, b[12], b[13], kind, b[15], now, b[17], b[18])
+    return Body(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], b[10],
+                b[11], b[12], b[13], b[14], b[15], b[16], b[17], b[18])
+    # fmt: on
 
 
 @compiled

@@ -9,10 +9,10 @@ points, as of a scan, share a wall whose margin is at most that of any of them
 from typing import NamedTuple
 
 from qpavoid.avoidance.advancement import too_near
-from qpavoid.avoidance.body_table import GROUP, OWNER, comes_first, moves
+from qpavoid.avoidance.body_table import GROUP, OWNER, body_at, comes_first, moves
 from qpavoid.avoidance.motion import stays_away
 from qpavoid.avoidance.prediction import Rollout
-from qpavoid.avoidance.scene import Scene, altered
+from qpavoid.avoidance.scene import Scene, of_groups, threshold
 from qpavoid.compiled import compiled_once
 from qpavoid.types import Pair
 
@@ -75,7 +75,7 @@ def next_body(scene: Scene, rollout: Rollout, i: int, watch: Watch) -> int:
 def is_far(scene: Scene, rollout: Rollout, row: int, wanted: Pair) -> bool:
     """Return whether a group keeps a threshold up to a time; ``wanted``: both."""
     (end, level), near = wanted, False
-    groups = altered(scene, scene.groups, scene.drift, scene.closest)
+    groups = of_groups(scene)
     # SPARE at every sample, and a miss of SPARE in between, leave the threshold.
     if not stays_away(groups, rollout, row, end, level):
         near, _ = too_near(groups, rollout, row, (0.0, end), level + SPARE, SPARE)
@@ -96,6 +96,25 @@ def keeps_all(scene: Scene, rollout: Rollout, watch: Watch) -> bool:
 
 
 @compiled_once
+def is_met(
+    scene: Scene, rollout: Rollout, i: int, watch: Watch, slack: float
+) -> Meeting:
+    """Return the violation of body i along a rollout, if any.
+
+    A static body inside r_min may stay as near: else it could not be left.
+    """
+    (end, level), now = watch.still, body_at(scene, i).now
+    if moves(scene, i):
+        end, level = watch.moving
+    if now < level:
+        level = now
+        if level < -slack:
+            level, slack = threshold(scene), 0.0
+    near, time = too_near(scene, rollout, i, (0.0, end), level, slack)
+    return Meeting(i if near else -1, time)
+
+
+@compiled_once
 def first_met(scene: Scene, rollout: Rollout, watch: Watch, slack: float) -> Meeting:
     """Return the first body, in the order of rows, that violates, and when.
 
@@ -105,9 +124,7 @@ def first_met(scene: Scene, rollout: Rollout, watch: Watch, slack: float) -> Mee
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
         if met.body < 0 or comes_first(scene.bodies, i, met.body):
-            end, level = watch.moving if moves(scene, i) else watch.still
-            near, time = too_near(scene, rollout, i, (0.0, end), level, slack)
-            if near:
-                met = Meeting(i, time)
+            found = is_met(scene, rollout, i, watch, slack)
+            met = found if found.body >= 0 else met
         i = next_body(scene, rollout, i + 1, watch)
     return met

@@ -8,18 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from qpavoid.avoidance.decision import RELAXED, STATUSES, Decision
-from qpavoid.avoidance.ladder import (
-    AGAIN,
-    READY,
-    WORKSPACE_TOO_SMALL,
-    Outcome,
-    unsolved,
-)
-from qpavoid.avoidance.scene import Request, Setup
+from qpavoid.avoidance.decision import INVALID, STATUSES, Decision
+from qpavoid.avoidance.scene import Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.state import fresh_state, set_driven
-from qpavoid.avoidance.step import attempts, decide, filter_step, prepare, trust_box
+from qpavoid.avoidance.step import WORKSPACE_TOO_SMALL, filter_step
 from qpavoid.avoidance.workspace import carve, memory_size
 from qpavoid.compiled import bound
 from qpavoid.errors import ThreadError
@@ -36,7 +29,7 @@ from qpavoid.model.validation import NO_POLYGONS
 from qpavoid.qp.exact import ROW_OWNER, B
 from qpavoid.qp.problem import FilterProblem, SolveStatus
 from qpavoid.qp.solve import BackEnd, load_back_end, solve
-from qpavoid.types import Array, Arrays, Box, Pair
+from qpavoid.types import Array, Arrays, Pair
 
 CONTACTS = 512
 """Contacts that memory is allocated for at first; it grows on demand."""
@@ -130,7 +123,7 @@ class Engine:
         self.quick = nothing
         if self.thread != 0 and self.back_end is None:
             given = NO_POINTS, NO_CAPSULES, 0.0, self.ahead, 0.0, 0.0
-            known = *self.setup, *given, self.state, self._memory
+            known = *self.setup, *given, self.state, self._memory, *OPEN
             self.quick = bound(filter_step, known, GIVEN, MADE) or nothing
 
     def drives(self, v: float, omega: float) -> None:
@@ -140,22 +133,31 @@ class Engine:
 
     def step(
         self, desired: Pair, arrays: Arrays, age: float, state: Array
-    ) -> Outcome | tuple[Any, ...]:
+    ) -> tuple[Any, ...]:
         """Return the outcome of a step, and update the given state."""
         if self.back_end is not None:
-            return self.by_parts(desired, arrays, age, state)[0]
+            trial = state.copy()
+            outcome = self.step_exactly(desired, arrays, age, trial)
+            if outcome[0] != INVALID:
+                answer = self._answer(self.problem(arrays))
+                return self.step_exactly(desired, arrays, age, state, answer)
         return self.step_exactly(desired, arrays, age, state)
 
     def step_exactly(
-        self, desired: Pair, arrays: Arrays, age: float, state: Array
+        self,
+        desired: Pair,
+        arrays: Arrays,
+        age: float,
+        state: Array,
+        answer: Pair = OPEN,
     ) -> tuple[Any, ...]:
-        """Return the outcome of a step with the exact solver; see :meth:`step`."""
+        """Return the outcome of a step; ``answer``: of a back end to its QP."""
         now = *self.setup, *arrays, age, self.ahead, *desired, state
         call: Callable[..., tuple[Any, ...]] = filter_step.call  # type: ignore[attr-defined]
-        outcome = call(*now, self._memory)
+        outcome = call(*now, self._memory, *answer)
         if outcome[0] == WORKSPACE_TOO_SMALL:
             self._make_room(arrays)
-            outcome = call(*now, self._memory)
+            outcome = call(*now, self._memory, *answer)
         return outcome
 
     def _make_room(self, arrays: Arrays) -> None:
@@ -163,61 +165,31 @@ class Engine:
         self._memory = np.empty(memory_size(most, self.setup.settings))
         self._be_quick()
 
-    def by_parts(
-        self, desired: Pair, arrays: Arrays, age: float, state: Array
-    ) -> tuple[Outcome, FilterProblem | None]:
-        """Do :func:`filter_step` in parts, with any solver; and return the problem."""
-        setup = self.setup
-        given = setup, Request(arrays, age, self.ahead, desired), state
-        prepared = prepare(*given, self._memory)
-        if prepared.code == WORKSPACE_TOO_SMALL:
-            self._make_room(arrays)
-            prepared = prepare(*given, self._memory)
-        if prepared.code != READY:
-            return unsolved(prepared.code, (0.0, 0.0), 0.0), None
+    def problem(self, arrays: Arrays) -> FilterProblem:
+        """Return the QP of the last step, among these obstacles."""
+        most = most_contacts(self.setup.edges, arrays)
         carved = carve.py_func  # type: ignore[attr-defined]
-        space = carved(self._memory, prepared.most, setup.settings)
-        rows, rejected = space.rows[: prepared.m], prepared.anchor
-        outcome, problem = unsolved(AGAIN, (0.0, 0.0), 0.0), None
-        last = attempts(prepared)
-        for attempt in range(last + 1):
-            answer = OPEN
-            if attempt < last:
-                box = trust_box(prepared, attempt, rejected)
-                problem = self._as_problem(prepared.desired, rows, prepared.n_hard, box)
-                answer = self._answer(problem)
-            tried = prepared, self._memory, attempt, rejected, answer
-            outcome = decide(setup, *tried, state)
-            if outcome.code != AGAIN:
-                break
-            rejected = outcome.v, outcome.omega
-        if attempt == last and (problem is None or outcome.code == RELAXED):
-            driven = outcome.v, outcome.omega
-            problem = self._as_problem(driven, rows[:0], 0, prepared.box)
-        return outcome, problem
-
-    def _answer(self, problem: FilterProblem) -> Pair:
-        """Return the back end's twist: NaN if it fails, :data:`OPEN` without one."""
-        if self.back_end is None:
-            return OPEN
-        solution = solve(problem, self.back_end, self.settings.slack_tolerance)
-        if solution.status is SolveStatus.FAILED:
-            return math.nan, math.nan
-        return solution.u[0].item(), solution.u[1].item()
-
-    def _as_problem(
-        self, desired: Pair, rows: Array, n_hard: int, box: Box
-    ) -> FilterProblem:
+        space = carved(self._memory, most, self.setup.settings)
+        m, hard, v_min, v_max, omega_min, omega_max, *desired = space.problem.tolist()
+        rows = space.rows[: int(m)]
         return FilterProblem(
             desired=np.array(desired),
             weights=np.array(self.settings.weights),
             A=rows[:, :B],
             b=rows[:, B],
-            lower=np.array(box[::2]),
-            upper=np.array(box[1::2]),
+            lower=np.array([v_min, omega_min]),
+            upper=np.array([v_max, omega_max]),
             obstacle=rows[:, ROW_OWNER].astype(np.int64),
-            n_hard=n_hard,
+            n_hard=int(hard),
         )
+
+    def _answer(self, problem: FilterProblem) -> Pair:
+        """Return the back end's twist; NaN if it fails."""
+        assert self.back_end is not None
+        solution = solve(problem, self.back_end, self.settings.slack_tolerance)
+        if solution.status is SolveStatus.FAILED:
+            return math.nan, math.nan
+        return solution.u[0].item(), solution.u[1].item()
 
 
 def named_back_end(solver: str) -> BackEnd | None:

@@ -361,20 +361,20 @@ class SafetyFilter:
     ) -> FilterProblem:
         """Return the QP whose solution is the decision; arguments as in :meth:`filter`.
 
-        That of the last attempt, with the rows of the last linearisation, and the trust
-        region as its limits. If no QP was solved, since only a plan is possible, it is
-        the projection of that plan's twist onto the limits, without rows. With
-        look-ahead and limited accelerations it is stated for u + δ, the target twist; δ
-        is what remains to the target after this step, and the desired twist is less by
-        δ. :func:`qpavoid.qp.solve.solve` gives the twist of a decision ``tracking``,
-        ``filtered`` or ``relaxed``; an infeasible problem is relaxed with its
-        ``slack_tolerance``: pass that of the settings if they have another. The
-        filter's state is unchanged.
+        Its unknown is the target twist, whose first step within the accelerations is
+        driven. Its rows are those of the last linearisation; its limits include the
+        trust region. For a decision ``tracking`` or ``filtered`` its solution
+        (:func:`qpavoid.qp.solve.solve`) has been verified. ``planned``, ``braking`` and
+        ``holding`` mean that no twist has: then it is the projection of the driven
+        twist onto the limits, without rows. With look-ahead the rows of static
+        obstacles inside r_min, in m/s, are multiplied by 1 ms: they give way to the
+        others, in m. An infeasible problem is relaxed with its ``slack_tolerance``:
+        pass that of the settings if they have another. The filter's state is unchanged.
         """
         given = points, discs, disc_velocities, walls, polygons, polygon_velocities
         arrays, state = as_table(*given), self._state_at(driven).copy()
         desired, age = as_twist(v, omega), as_age(age)
-        _, problem = self._engine.by_parts(desired, arrays, age, state)
-        if problem is None:
+        outcome = self._engine.step_exactly(desired, arrays, age, state)
+        if outcome[0] == INVALID:
             raise why_invalid(*given)
-        return problem
+        return self._engine.problem(arrays)

@@ -84,12 +84,10 @@ class Tables(NamedTuple):
 
     Attributes:
         sides: (:func:`most_sides`, :data:`SIDE`).
-        rows: Of the QP, four more than ``sides``.
         frames: (ticks + 1, 4) predicted robot frames: x, y (m), cosine, sine.
     """
 
     sides: Array
-    rows: Array
     frames: Array
 
 
@@ -254,7 +252,7 @@ def fill_slopes(rollout: Rollout, dt: float) -> None:
 
 @compiled_once
 def linearised_rows(
-    scene: Scene, rollout: Rollout, met: Meeting, tables: Tables
+    scene: Scene, rollout: Rollout, met: Meeting, tables: Tables, rows: Array
 ) -> int:
     """Fill in the rows margin + ∇d·(u − ū) ≥ :data:`ROW_ROOM`, m; return their number.
 
@@ -262,7 +260,7 @@ def linearised_rows(
     :data:`ROW_WITHIN`, including that of the violation ``met``, which may lie between
     two ticks.
     """
-    sides, rows, about = tables.sides, tables.rows, rollout.target
+    sides, about = tables.sides, rollout.target
     nearest_sides(scene, rollout, tables)
     if met.body >= 0:
         arc = arc_at(rollout.arcs, arc_index(rollout.arcs, 0, met.time))

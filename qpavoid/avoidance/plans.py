@@ -6,10 +6,10 @@ from typing import NamedTuple
 from qpavoid.avoidance.advancement import room_at, too_near
 from qpavoid.avoidance.body_table import moves
 from qpavoid.avoidance.broad_phase import UNWATCHED, Watch, first_met, next_body
-from qpavoid.avoidance.judge import lowest, moving_room
-from qpavoid.avoidance.lookahead import Query, cost_of
 from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out, whole_steps
-from qpavoid.avoidance.scene import Scene
+from qpavoid.avoidance.proposals import Query, twist_cost
+from qpavoid.avoidance.scene import Scene, threshold
+from qpavoid.avoidance.verdict import moving_margin
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.types import Box, Pair
 
@@ -80,8 +80,8 @@ def extreme(box: Box, number: int) -> Pair:
 @compiled_once
 def plan_cost(scene: Scene, query: Query, plan: Plan) -> float:
     """Return the cost of a plan: see :class:`Found`."""
-    cost = cost_of(scene, query, plan.v, plan.omega)
-    return cost + 0.1 * cost_of(scene, query, plan.v_then, plan.omega_then)
+    then = twist_cost(scene, (plan.v_then, plan.omega_then), query.desired)
+    return twist_cost(scene, (plan.v, plan.omega), query.desired) + 0.1 * then
 
 
 @compiled
@@ -107,13 +107,13 @@ def is_better(one: Found, other: Found) -> bool:
 @compiled
 def level_of(scene: Scene, i: int, level: float) -> float:
     """Return the threshold of a body's margin for a plan, m."""
-    return level if moves(scene, i) else lowest(scene)
+    return level if moves(scene, i) else threshold(scene)
 
 
 @compiled_once
 def time_until_near(scene: Scene, rollout: Rollout, level: float, end: float) -> float:
     """Return the time of the first margin below a threshold, s; at most ``end``."""
-    watch = Watch((end, level), (end, lowest(scene)))
+    watch = Watch((end, level), (end, threshold(scene)))
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
         _, end = too_near(
@@ -145,13 +145,13 @@ def looked_at(
     # The last violation recurs for most of the next plans: one check rejects them.
     if body >= 0 and room_at(scene, rollout, body, time) < level_of(scene, body, level):
         return failed
-    moving, still = (scene.settings[0].horizon, level), (rollout.rest, lowest(scene))
+    moving, still = (scene.settings[0].horizon, level), (rollout.rest, threshold(scene))
     met = first_met(scene, rollout, Watch(moving, UNWATCHED), ALIKE)
     if met.body < 0:
         met = first_met(scene, rollout, Watch(UNWATCHED, still), ALIKE)
     if met.body >= 0:
         return Found(plan, NO_ROOM, cost, met.body, met.time)
-    return Found(plan, moving_room(scene, rollout, MOST_ROOM), cost, body, time)
+    return Found(plan, moving_margin(scene, rollout, MOST_ROOM), cost, body, time)
 
 
 @compiled_once

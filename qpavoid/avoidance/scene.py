@@ -12,6 +12,10 @@ from qpavoid.model.robot import UNLIMITED_TWIST, limits_of
 from qpavoid.types import Array, Arrays, Box, Edges, LimitVector, Pair
 
 
+REPLAY_ROUNDING = 1e-8
+"""m; tolerance of a plan's margin when it is carried on."""
+
+
 class Setup(NamedTuple):
     """Robot and settings, constant over a run.
 
@@ -57,8 +61,7 @@ class Scene(NamedTuple):
             the body after them.
         longest: Greatest duration of a control step, s.
         drift: Velocity error of the robot, m/s; static bodies grow by it.
-        closest: Minimum static clearance, m, that caps r_min of static bodies;
-            ``inf``: no cap.
+        clearance: Of the nearest obstacle, m.
     """
 
     edges: Array
@@ -71,21 +74,34 @@ class Scene(NamedTuple):
     groups: Array
     longest: float
     drift: float
-    closest: float
+    clearance: float
 
 
 @compiled
-def altered(scene: Scene, bodies: Array, drift: float, closest: float) -> Scene:
-    """Return the scene with other bodies, drift and minimum static clearance."""
+def drifting(scene: Scene, drift: float) -> Scene:
+    """Return the scene with a velocity error of the robot, m/s."""
     # Compiled functions have no NamedTuple._replace.
-    e, r, s, _, last, pending, arcs, groups, longest, _, _ = scene
-    return Scene(e, r, s, bodies, last, pending, arcs, groups, longest, drift, closest)
+    e, r, s, bodies, last, pending, arcs, groups, longest, _, near = scene
+    return Scene(e, r, s, bodies, last, pending, arcs, groups, longest, drift, near)
+
+
+@compiled
+def of_groups(scene: Scene) -> Scene:
+    """Return the scene whose bodies are the groups."""
+    e, r, s, _, last, pending, arcs, groups, longest, drift, near = scene
+    return Scene(e, r, s, groups, last, pending, arcs, groups, longest, drift, near)
 
 
 @compiled
 def tolerance(scene: Scene) -> float:
     """Return ε, m."""
     return tolerated(scene.settings)
+
+
+@compiled
+def threshold(scene: Scene) -> float:
+    """Return −ε: the least margin of a clear plan, m."""
+    return -tolerance(scene) - REPLAY_ROUNDING
 
 
 @compiled_once

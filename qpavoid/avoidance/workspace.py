@@ -33,6 +33,7 @@ class Workspace(NamedTuple):
         tables: Of the look-ahead.
         points: In the robot frame when the twist takes effect.
         capsules: In that frame, with joined walls.
+        problem: See :func:`qpavoid.avoidance.step.set_problem`.
     """
 
     contacts: Array
@@ -43,7 +44,11 @@ class Workspace(NamedTuple):
     tables: Tables
     points: Array
     capsules: Array
+    problem: Array
 
+
+PROBLEM = 8
+"""Numbers of a QP besides its rows."""
 
 MOST_TICKS = 1e6
 """Greatest number of control steps or ticks of a horizon."""
@@ -74,14 +79,14 @@ def look_ticks(settings: FilterSettings) -> int:
 def memory_size(contacts: int, settings: FilterSettings) -> int:
     """Return the numbers of memory that a step with so many contacts needs."""
     # The sizes of `carve`: 8 rows more for the four of the wheels and the four limits
-    # of the solver, 4 for the limits alone. A float: an int of C could overflow.
+    # of the solver. A float: an int of C could overflow.
     sides, many = most_sides(look_ticks(settings)), float(contacts)
-    rows = many + sides + 8 + sides + 4
+    rows = many + sides + 8
     tables = (many + contacts // FEW) * BODY
     tables += most_arcs(settings) * ARC + sides * SIDE
     tables += 4 * (look_ticks(settings) + 1)
     each = CONTACT_WIDTH + 2 + CAPSULE_WIDTH
-    return int(many * each + rows * ROW_WIDTH + tables)
+    return int(many * each + rows * ROW_WIDTH + tables + PROBLEM)
 
 
 @compiled_once
@@ -90,8 +95,7 @@ def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Works
     sides, arcs = most_sides(look_ticks(settings)), most_arcs(settings)
     a = contacts * CONTACT_WIDTH
     b = a + (contacts + sides + 8) * ROW_WIDTH
-    c = b + (sides + 4) * ROW_WIDTH
-    d = c + contacts * BODY
+    d = b + contacts * BODY
     e = d + contacts // FEW * BODY
     f = e + arcs * ARC
     g = f + sides * SIDE
@@ -99,28 +103,31 @@ def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Works
     i = h + CAPSULE_WIDTH * contacts
     ticks = look_ticks(settings) + 1
     frames = memory[i : i + 4 * ticks].reshape(ticks, 4)
-    inner = memory[b:c].reshape(sides + 4, ROW_WIDTH)
+    end = i + 4 * ticks
     return Workspace(
         memory[:a].reshape(contacts, CONTACT_WIDTH),
         memory[a:b].reshape(contacts + sides + 8, ROW_WIDTH),
-        memory[c:d].reshape(contacts, BODY),
+        memory[b:d].reshape(contacts, BODY),
         memory[d:e].reshape(contacts // FEW, BODY),
         memory[e:f].reshape(arcs, ARC),
-        Tables(memory[f:g].reshape(sides, SIDE), inner, frames),
+        Tables(memory[f:g].reshape(sides, SIDE), frames),
         memory[g:h].reshape(contacts, 2),
         memory[h:i].reshape(contacts, CAPSULE_WIDTH),
+        memory[end : end + PROBLEM],
     )
 
 
 @compiled
-def new_scene(setup: Setup, state: Array, space: Workspace, count: int) -> Scene:
-    """Return the scene of a control step with so many bodies, without caps of r_min."""
+def new_scene(
+    setup: Setup, state: Array, space: Workspace, count: int, clearance: float
+) -> Scene:
+    """Return the scene of a control step with so many bodies."""
     (edges, robot, settings), s = setup, setup.settings[0]
     last, pending = (state[PAST_V], state[PAST_OMEGA]), pending_pace(settings, state)
     longest = s.dt * (1.0 + s.jitter)
     # fmt: off
     return Scene(edges, robot, settings, space.bodies[:count], last, pending,
-                 space.arcs, space.groups, longest, 0.0, math.inf)
+                 space.arcs, space.groups, longest, 0.0, clearance)
     # fmt: on
 
 

@@ -148,7 +148,8 @@ def functions(
     run = Value("vector", f"(vector){{filter->state, {state}}}")
     memory = Value("vector", f"(vector){{filter->memory, {size}}}")
     asked = [packed([points, capsules]), age, look_ahead, packed([v, omega])]
-    step = call(filter_outcome, [setup, packed(asked, Request), run, memory])
+    none = packed([Value("double", "INFINITY", known=math.inf)] * 2)
+    step = call(filter_outcome, [setup, packed(asked, Request), none, run, memory])
     arrays = [Value("matrix", name) for name in OBSTACLES]
     fill = call(fill_capsules, [Value("int", "n"), *arrays, capsules])
     last = [Value("double", f"filter->state[{i}]") for i in range(2)]

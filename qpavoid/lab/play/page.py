@@ -15,7 +15,7 @@ import numpy as np
 
 from qpavoid.avoidance.body_table import BODY
 from qpavoid.avoidance.decision import SENTENCES, STATUSES
-from qpavoid.avoidance.ladder import READY
+from qpavoid.avoidance.workspace import PROBLEM
 from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
 from qpavoid.avoidance.state import fresh_state
 from qpavoid.errors import ConfigError, DataError, UnknownNameError
@@ -86,7 +86,7 @@ SIZES = {
     "back_speed": BACK_SPEED,
     "spacing": OUTLINE_SPACING,
     "blocked": NO_PATH,
-    "ready": READY,
+    "problem": PROBLEM,
     "memory": {
         name: array.__metadata__[-1]
         for name, array in get_type_hints(Memory, include_extras=True).items()
