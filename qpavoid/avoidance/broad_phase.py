@@ -83,19 +83,6 @@ def is_far(scene: Scene, rollout: Rollout, row: int, wanted: Pair) -> bool:
 
 
 @compiled_once
-def keeps_all(scene: Scene, rollout: Rollout, watch: Watch) -> bool:
-    """Return whether no body violates its threshold."""
-    i = next_body(scene, rollout, 0, watch)
-    while i < scene.bodies.shape[0]:
-        end, level = watch.moving if moves(scene, i) else watch.still
-        near, _ = too_near(scene, rollout, i, (0.0, end), level, 0.0)
-        if near:
-            return False
-        i = next_body(scene, rollout, i + 1, watch)
-    return True
-
-
-@compiled_once
 def is_met(
     scene: Scene, rollout: Rollout, i: int, watch: Watch, slack: float
 ) -> Meeting:
@@ -112,6 +99,17 @@ def is_met(
             level, slack = threshold(scene), 0.0
     near, time = too_near(scene, rollout, i, (0.0, end), level, slack)
     return Meeting(i if near else -1, time)
+
+
+@compiled_once
+def keeps_all(scene: Scene, rollout: Rollout, watch: Watch) -> bool:
+    """Return whether no body violates its threshold."""
+    i = next_body(scene, rollout, 0, watch)
+    while i < scene.bodies.shape[0]:
+        if is_met(scene, rollout, i, watch, 0.0).body >= 0:
+            return False
+        i = next_body(scene, rollout, i + 1, watch)
+    return True
 
 
 @compiled_once

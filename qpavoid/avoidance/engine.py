@@ -9,10 +9,14 @@ from typing import Any
 import numpy as np
 
 from qpavoid.avoidance.decision import INVALID, STATUSES, Decision
-from qpavoid.avoidance.scene import Setup
+from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.state import fresh_state, set_driven
-from qpavoid.avoidance.step import WORKSPACE_TOO_SMALL, filter_step
+from qpavoid.avoidance.step import (
+    WORKSPACE_TOO_SMALL,
+    filter_outcome,
+    filter_step,
+)
 from qpavoid.avoidance.workspace import carve, memory_size
 from qpavoid.compiled import bound
 from qpavoid.errors import ThreadError
@@ -38,9 +42,6 @@ ELSEWHERE = (
     "a filter holds its robot's state and belongs to the thread that uses it first: "
     "make one filter per thread, or call reset() before another thread uses it"
 )
-
-OPEN = math.inf, math.inf
-"""Absent answer of a back end."""
 
 POINTS_AT, V_AT, OMEGA_AT = 3, 7, 8
 """Positions among the parameters of :func:`filter_step`."""
@@ -123,7 +124,7 @@ class Engine:
         self.quick = nothing
         if self.thread != 0 and self.back_end is None:
             given = NO_POINTS, NO_CAPSULES, 0.0, self.ahead, 0.0, 0.0
-            known = *self.setup, *given, self.state, self._memory, *OPEN
+            known = *self.setup, *given, self.state, self._memory
             self.quick = bound(filter_step, known, GIVEN, MADE) or nothing
 
     def drives(self, v: float, omega: float) -> None:
@@ -135,29 +136,25 @@ class Engine:
         self, desired: Pair, arrays: Arrays, age: float, state: Array
     ) -> tuple[Any, ...]:
         """Return the outcome of a step, and update the given state."""
-        if self.back_end is not None:
-            trial = state.copy()
-            outcome = self.step_exactly(desired, arrays, age, trial)
-            if outcome[0] != INVALID:
-                answer = self._answer(self.problem(arrays))
-                return self.step_exactly(desired, arrays, age, state, answer)
-        return self.step_exactly(desired, arrays, age, state)
+        if self.back_end is None:
+            return self.step_exactly(desired, arrays, age, state)
+        outcome = self.step_exactly(desired, arrays, age, state.copy())
+        if outcome[0] == INVALID:
+            return outcome
+        request = Request(arrays, age, self.ahead, desired)
+        answer = self._answer(self.problem(arrays))
+        return filter_outcome(self.setup, request, answer, state, self._memory)
 
     def step_exactly(
-        self,
-        desired: Pair,
-        arrays: Arrays,
-        age: float,
-        state: Array,
-        answer: Pair = OPEN,
+        self, desired: Pair, arrays: Arrays, age: float, state: Array
     ) -> tuple[Any, ...]:
-        """Return the outcome of a step; ``answer``: of a back end to its QP."""
+        """Return the outcome of a step with the exact solver; see :meth:`step`."""
         now = *self.setup, *arrays, age, self.ahead, *desired, state
         call: Callable[..., tuple[Any, ...]] = filter_step.call  # type: ignore[attr-defined]
-        outcome = call(*now, self._memory, *answer)
+        outcome = call(*now, self._memory)
         if outcome[0] == WORKSPACE_TOO_SMALL:
             self._make_room(arrays)
-            outcome = call(*now, self._memory, *answer)
+            outcome = call(*now, self._memory)
         return outcome
 
     def _make_room(self, arrays: Arrays) -> None:

@@ -37,7 +37,7 @@ from qpavoid.avoidance.state import (
 )
 from qpavoid.avoidance.verdict import first_target
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.robot import RELATIVE_ROUNDING, within_wheels
+from qpavoid.model.robot import RELATIVE_ROUNDING, clipped, within_wheels
 from qpavoid.qp.exact import Optimum, Terms, solve_exactly
 from qpavoid.types import Array, Box, Pair
 
@@ -80,6 +80,7 @@ class Query(NamedTuple):
         rows: Memory of the QP; the first ``separating`` rows are filled in.
         separating: Rows of the present, of static obstacles inside r_min.
         slack_tolerance: See :func:`qpavoid.qp.exact.relaxation`.
+        ahead: Whether with look-ahead.
     """
 
     box: Box
@@ -90,6 +91,7 @@ class Query(NamedTuple):
     rows: Array
     separating: int
     slack_tolerance: float
+    ahead: bool
 
 
 class Proposal(NamedTuple):
@@ -176,12 +178,11 @@ def qp_of(scene: Scene, query: Query, proposal: Proposal) -> Problem:
 
 
 @compiled_once
-def with_limits(
-    scene: Scene, query: Query, proposal: Proposal, count: int
-) -> Problem:
+def with_limits(scene: Scene, query: Query, proposal: Proposal, count: int) -> Problem:
     """Add the wheels' rows to so many, and the limits."""
     s, hard = scene.settings[0], wheel_rows(scene.robot, query.rows[count:])
-    box, (v, omega), (d_v, d_omega) = query.box, proposal.about, proposal.trust
+    box, (d_v, d_omega) = query.box, proposal.trust
+    v, omega = clipped(proposal.about, box)  # rounding may have left the box
     # fmt: off
     box = Box(max(box.v_min, v - d_v), min(box.v_max, v + d_v),
               max(box.omega_min, omega - d_omega), min(box.omega_max, omega + d_omega))
@@ -202,17 +203,21 @@ def nowhere(twist: Pair, trust: Pair, ahead: bool) -> Proposal:
     return Proposal(twist, math.inf, twist, Meeting(-1, 0.0), trust, ahead)
 
 
+@compiled
+def snapped(query: Query, twist: Pair) -> Pair:
+    """Return the desired twist for one that equals it but for rounding."""
+    d_v, d_omega = twist[0] - query.desired[0], twist[1] - query.desired[1]
+    return query.desired if max(abs(d_v), abs(d_omega)) <= SAME_TWIST else twist
+
+
 @compiled_once
 def solved(scene: Scene, query: Query, problem: Proposal, count: int) -> Proposal:
     """Return the solution of a problem whose first rows are filled in.
 
-    Its cost is ``inf`` if there is none. But for rounding it is the desired twist.
+    Its cost is ``inf`` if there is none.
     """
     found = solution(query, with_limits(scene, query, problem, count))
-    twist, cost = (found.v, found.omega), math.inf
-    off_v, off_omega = twist[0] - query.desired[0], twist[1] - query.desired[1]
-    if max(abs(off_v), abs(off_omega)) <= SAME_TWIST:
-        twist = query.desired
+    twist, cost = snapped(query, (found.v, found.omega)), math.inf
     if found.found:
         cost = twist_cost(scene, twist, query.desired)
     _, _, about, met, trust, ahead = problem
@@ -311,9 +316,7 @@ def best_proposal(scene: Scene, query: Query, state: Array) -> Proposal:
 @compiled
 def at_cost(found: Proposal, cost: float) -> Proposal:
     """Return a proposal with another cost."""
-    return Proposal(
-        found.twist, cost, found.about, found.met, found.trust, found.ahead
-    )
+    return Proposal(found.twist, cost, found.about, found.met, found.trust, found.ahead)
 
 
 @compiled_once

@@ -11,7 +11,6 @@ from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.robot import UNLIMITED_TWIST, limits_of
 from qpavoid.types import Array, Arrays, Box, Edges, LimitVector, Pair
 
-
 REPLAY_ROUNDING = 1e-8
 """m; tolerance of a plan's margin when it is carried on."""
 

@@ -42,8 +42,8 @@ from qpavoid.avoidance.state import (
     kept_plan,
 )
 from qpavoid.avoidance.verdict import (
+    BRAKING_PLAN,
     Margins,
-    braking,
     clear_plan,
     first_target,
     first_twist,
@@ -122,8 +122,8 @@ def select_now(scene: Scene, query: Query, state: Array) -> Choice:
     A solution whose braking is not clear is sought again within a trust region about
     braking.
     """
-    s, brake = scene.settings[0], braking(scene)
-    target, none = (brake.v, brake.omega), nowhere(query.desired, WHOLE, False)
+    s, target = scene.settings[0], first_twist(scene, BRAKING_PLAN)
+    none = nowhere(query.desired, WHOLE, False)
     first = none
     for share in TRUST:
         qp, (v, omega) = none, first.twist
@@ -138,24 +138,17 @@ def select_now(scene: Scene, query: Query, state: Array) -> Choice:
             return clear_choice(scene, plan, ROUND, qp, -1)
         if share == math.inf:
             first = qp
-    choice = fallback(scene, query, state, -1)
-    # Static bodies are nearer than predicted: braking may not be best.
-    if choice.margins.static < threshold(scene) and first.cost < math.inf:
-        plan = hold(first.twist[0], first.twist[1], s.dt)
-        other = margins(scene, plan)
-        if other.static >= choice.margins.static:
-            return Choice(plan, NEW_PLAN, choice.until, other, none, -1)
-    return choice
+    return fallback(scene, query, state, -1)
 
 
 @compiled_once
 def fallback(scene: Scene, query: Query, state: Array, owner: int) -> Choice:
     """Return the choice of a plan of two twists, of the last plan, or of braking."""
-    plan, none = braking(scene), nowhere(query.desired, WHOLE, False)
-    choice = Choice(plan, STUCK, state[UNTIL], margins(scene, plan), none, owner)
+    none, least = nowhere(query.desired, WHOLE, False), margins(scene, BRAKING_PLAN)
+    choice = Choice(BRAKING_PLAN, STUCK, state[UNTIL], least, none, owner)
     kept, horizon = kept_plan(state), scene.settings[0].horizon
     if has_plan(scene, state):
-        other = Choice(kept, CARRIED, state[UNTIL], margins(scene, kept), none, owner)
+        other = Choice(kept, NEW_PLAN, state[UNTIL], margins(scene, kept), none, owner)
         choice = better_of(scene, choice, other)
     else:
         kept = hold(0.0, 0.0, whole_steps(horizon, scene.settings[0].dt))
@@ -174,7 +167,11 @@ def better_of(scene: Scene, choice: Choice, other: Choice) -> Choice:
 
     It has to be clear of static bodies; and of all bodies, or have the larger margin.
     """
-    level, twist, least = threshold(scene), first_twist(scene, other.plan), other.margins
+    level, twist, least = (
+        threshold(scene),
+        first_twist(scene, other.plan),
+        other.margins,
+    )
     if least.static < level or not is_followed(scene, twist):
         return choice
     better = choice.margins.static < level or least.moving >= level

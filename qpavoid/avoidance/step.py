@@ -27,7 +27,7 @@ from qpavoid.avoidance.decision import (
 )
 from qpavoid.avoidance.plans import SHARES
 from qpavoid.avoidance.prediction import Plan, hold
-from qpavoid.avoidance.proposals import Problem, Query, qp_of, solution
+from qpavoid.avoidance.proposals import Problem, Query, qp_of, snapped, solution
 from qpavoid.avoidance.scene import Request, Scene, Setup, look_box, threshold
 from qpavoid.avoidance.selection import Choice, fallback, select, select_now
 from qpavoid.avoidance.settings import FilterSettings
@@ -51,7 +51,7 @@ from qpavoid.avoidance.workspace import (
     new_scene,
     seen_then,
 )
-from qpavoid.compiled import compiled, compiled_once, entry, entry_if
+from qpavoid.compiled import compiled, compiled_once, entry_if
 from qpavoid.model.contacts import contact_table, most_contacts, nearest_distance
 from qpavoid.model.robot import GREATEST, clipped, limits_of, twist_box
 from qpavoid.qp.exact import (
@@ -78,6 +78,9 @@ from qpavoid.types import (
 
 WORKSPACE_TOO_SMALL = -2
 """Code other than a status: see :func:`qpavoid.avoidance.workspace.memory_size`."""
+
+NO_ANSWER = (math.inf, math.inf)
+"""Absent answer of a back end."""
 
 SEPARATION = 1e-3
 """s; factor of the rows of the present in a QP with look-ahead, where other rows are in
@@ -116,9 +119,14 @@ def no_outcome(code: int) -> Outcome:
     return Outcome(code, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, -1, -1)
 
 
+@entry_if(is_counted)
 @compiled_once
 def filter_outcome(
-    setup: Setup, request: Request, answer: Pair, state: Array, memory: Array
+    setup: Setup,
+    request: Request,
+    answer: Pair,
+    state: FilterStateWritten,
+    memory: VectorWritten,
 ) -> Outcome:
     """Return the outcome of one control step, and update ``state``.
 
@@ -128,8 +136,8 @@ def filter_outcome(
     Args:
         setup: Footprint, limits and settings.
         request: Obstacles and command.
-        answer: Of a back end to the QP that a step without it leaves in memory;
-            infinite: none; NaN: it failed.
+        answer: Of a back end to the QP that a step without it leaves in memory; NaN: it
+            failed.
         state: Updated.
         memory: Overwritten.
     """
@@ -184,7 +192,7 @@ def query_of(
             rows[i, column] *= SEPARATION
     many, slack = max(1, round(s.tick / s.dt)), s.slack_tolerance
     desired = clipped(wish, box) if ahead else wish
-    return Query(box, wish, desired, many, space.tables, rows, m, slack)
+    return Query(box, wish, desired, many, space.tables, rows, m, slack, ahead)
 
 
 @compiled_once
@@ -197,29 +205,28 @@ def driven(
     state: Array,
 ) -> Outcome:
     """Retain the plan of a choice; return the outcome, and leave its QP in memory."""
-    residual, slack, first, second = 0.0, 0.0, choice.owner, -1
-    answered, failed = not (math.isinf(answer[0]) or math.isinf(answer[1])), False
-    if choice.proposal.cost < math.inf:
+    s, proposed = scene.settings[0], choice.proposal.cost < math.inf
+    answered = not (math.isinf(answer[0]) or math.isinf(answer[1]))
+    # Without a proposal: the projection of the driven twist onto the limits.
+    goal = first_twist(scene, choice.plan)
+    qp = Problem(0, Terms(query.box, goal, (s.weight_v, s.weight_omega), 0))
+    if proposed:
         qp = qp_of(scene, query, choice.proposal)
-        found, rows = solution(query, qp), query.rows[: qp.m + 4]
-        twist = answer if answered else (found.v, found.omega)
-        relaxed = relaxation(found.slack, query.slack_tolerance)
-        violated, gap = certificate(rows, qp.terms, relaxed, twist)
-        residual, slack = max(violated, gap), found.slack
-        first, second = holders(rows[: qp.m], found, choice.owner)
-        set_problem(space.problem, qp)
-        if residual > RESIDUAL_TOLERANCE:
-            failed, choice = True, fallback(scene, query, state, choice.owner)
-        elif answered:
-            choice = answered_by(scene, choice, twist)
-    twist = first_twist(scene, choice.plan)
-    if choice.proposal.cost == math.inf:
-        # The projection of the driven twist onto the limits.
-        terms = Terms(query.box, twist, (1.0, 1.0), 0)
-        set_problem(space.problem, Problem(0, terms))
-    elif choice.proposal.ahead:
-        slack = separation_missing(query, twist)
-    s, level, least = scene.settings[0], threshold(scene), choice.margins
+    set_problem(space.problem, qp)
+    found, rows = solution(query, qp), query.rows[: qp.m + 4]
+    twist = answer if answered else (found.v, found.omega)
+    relaxed = relaxation(found.slack, query.slack_tolerance)
+    residual = max(*certificate(rows, qp.terms, relaxed, twist))
+    first, second = holders(rows[: qp.m], found, choice.owner)
+    failed = not (found.found and residual <= RESIDUAL_TOLERANCE)
+    if failed:
+        choice, first, second = fallback(scene, query, state, -1), -1, -1
+    elif answered and proposed:
+        choice = answered_by(scene, query, choice, twist)
+    twist, slack = first_twist(scene, choice.plan), 0.0
+    if proposed and not failed:
+        slack = separation_missing(query, twist) if query.ahead else found.slack
+    level, least = threshold(scene), choice.margins
     code = STOPPED if failed else code_of(scene, query, choice, twist, slack)
     margin = least.moving
     if least.static < level:
@@ -238,8 +245,9 @@ def driven(
 
 
 @compiled_once
-def answered_by(scene: Scene, choice: Choice, twist: Pair) -> Choice:
+def answered_by(scene: Scene, query: Query, choice: Choice, twist: Pair) -> Choice:
     """Return the choice with the twist of a back end, if that is clear, too."""
+    twist = snapped(query, twist)
     plan = hold(twist[0], twist[1], choice.plan.end)
     s = scene.settings[0]
     if s.braking_room != 0 and not verdict(scene, plan, choice.until):
@@ -319,8 +327,6 @@ def filter_step(
     omega: float,
     state: FilterStateWritten,
     memory: VectorWritten,
-    answer_v: float,
-    answer_omega: float,
 ) -> tuple[int, float, float, float, float, float, float, int, int]:
     """Return the fields of :func:`filter_outcome`, for Python.
 
@@ -328,7 +334,7 @@ def filter_step(
     """
     setup = Setup(edges, robot, settings)
     request = Request((points, capsules), age, ahead, (v, omega))
-    o = filter_outcome(setup, request, (answer_v, answer_omega), state, memory)
+    o = filter_outcome(setup, request, NO_ANSWER, state, memory)
     # fmt: off
     return (o.code, o.v, o.omega, o.clearance, o.slack, o.residual, o.shortfall,
             o.first, o.second)

@@ -52,13 +52,22 @@ from qpavoid.avoidance.advancement import least_room, too_near
 from qpavoid.avoidance.body_table import body_at, moves
 from qpavoid.avoidance.broad_phase import UNWATCHED, Watch, keeps_all
 from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out, whole_steps
-from qpavoid.avoidance.scene import REPLAY_ROUNDING, Scene, drifting, threshold, tolerance
+from qpavoid.avoidance.scene import (
+    REPLAY_ROUNDING,
+    Scene,
+    drifting,
+    threshold,
+    tolerance,
+)
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.robot import braking_steps, braking_twist, limit_twist, limits_of
 from qpavoid.types import Pair
 
 CONTACT_ROUNDING = 1e-9
 """m; tolerance of the margin of a contact that is being resolved."""
+
+BRAKING_PLAN = Plan(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""Braking along the arc of the last twist."""
 
 HOLDS = (math.inf, 1.0, 0.4, 0.0)
 """s; durations of a target twist before braking, in whole control steps and at most
@@ -137,14 +146,6 @@ def first_twist(scene: Scene, plan: Plan) -> Pair:
 def exact_rollout(scene: Scene, plan: Plan) -> Rollout:
     """Return the exact rollout of a plan."""
     return roll_out(scene, plan, first_twist(scene, plan), scene.settings[0].dt, 1)
-
-
-@compiled_once
-def braking(scene: Scene) -> Plan:
-    """Return the plan of braking along the arc of the last twist."""
-    dt = scene.settings[0].dt
-    v, omega = braking_twist(scene.robot, scene.last[0], scene.last[1], dt)
-    return hold(v, omega, dt)
 
 
 @compiled_once

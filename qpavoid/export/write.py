@@ -11,7 +11,7 @@ from qpavoid.avoidance.decision import INVALID, Status
 from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.state import fresh_state, set_driven
-from qpavoid.avoidance.step import filter_outcome
+from qpavoid.avoidance.step import NO_ANSWER, filter_outcome
 from qpavoid.avoidance.validation import OLDEST
 from qpavoid.avoidance.workspace import memory_size
 from qpavoid.errors import InvalidInputError
@@ -148,7 +148,7 @@ def functions(
     run = Value("vector", f"(vector){{filter->state, {state}}}")
     memory = Value("vector", f"(vector){{filter->memory, {size}}}")
     asked = [packed([points, capsules]), age, look_ahead, packed([v, omega])]
-    none = packed([Value("double", "INFINITY", known=math.inf)] * 2)
+    none = packed([Value("", c_number(x), known=x) for x in NO_ANSWER])
     step = call(filter_outcome, [setup, packed(asked, Request), none, run, memory])
     arrays = [Value("matrix", name) for name in OBSTACLES]
     fill = call(fill_capsules, [Value("int", "n"), *arrays, capsules])

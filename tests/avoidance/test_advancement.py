@@ -310,10 +310,10 @@ COUNTED = """
 import math
 import numpy as np
 from qpavoid import AvoidanceSettings, Footprint, Limits, Robot, SafetyFilter
-from qpavoid.avoidance import advancement, judge, linearisation, lookahead, plans, step
+from qpavoid.avoidance import advancement, linearisation, plans, proposals, step, verdict
 
 made, planned, bodies = [0], [0], [0]
-contact, roll_out = advancement.line_contact, judge.roll_out
+contact, roll_out = advancement.line_contact, verdict.roll_out
 reach = step.bodies_in_reach
 record = AvoidanceSettings.record
 AvoidanceSettings.record = lambda self: record(self).view(np.recarray)
@@ -331,7 +331,7 @@ def reached(*given):
     return bodies[0]
 
 advancement.line_contact = linearisation.line_contact = counted
-judge.roll_out = lookahead.roll_out = plans.roll_out = rolled
+verdict.roll_out = proposals.roll_out = plans.roll_out = rolled
 step.bodies_in_reach = reached
 slow = Limits(-1.0, 1.0, -1.5, 1.5, 0.5, 0.02)
 quick = Limits(-1.0, 1.0, -1.5, 1.5, 2.0, 2.5)

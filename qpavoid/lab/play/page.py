@@ -15,9 +15,9 @@ import numpy as np
 
 from qpavoid.avoidance.body_table import BODY
 from qpavoid.avoidance.decision import SENTENCES, STATUSES
-from qpavoid.avoidance.workspace import PROBLEM
 from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
 from qpavoid.avoidance.state import fresh_state
+from qpavoid.avoidance.workspace import PROBLEM
 from qpavoid.errors import ConfigError, DataError, UnknownNameError
 from qpavoid.guide.geodesic import CELL
 from qpavoid.guide.rollout import ROWS, TICK
