@@ -2,6 +2,4 @@
 
 python comparisons/timing/solvers.py       # QP solvers on recorded problems
 python comparisons/timing/steps.py         # whole control steps
-python comparisons/timing/cold_start.py    # fresh processes
-python comparisons/timing/ros_wire.py      # the ROS 2 node
 """

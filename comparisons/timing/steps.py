@@ -1,8 +1,8 @@
 """Computing time of whole control steps by the number of points of a scan.
 
 The steps go from numpy points to the twist: our one-step and look-ahead filters, the
-one-step filter with other back ends, the paper's laws, the exported C, and the same
-rows written with numpy and a solver. Also: a step of the guide in four worlds, and a
+one-step filter with other back ends, the exported C, and the same rows written with
+numpy and a solver. Also: a step of the guide in four worlds, and a
 million calls of the one-step filter: the slowest call and the growth of memory.
 
     python comparisons/timing/steps.py --out out/steps
@@ -26,7 +26,6 @@ from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import QPAvoidError
 from qpavoid.guide.guide import Guide
-from qpavoid.lab.simulation.methods import make_controller
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
@@ -51,8 +50,6 @@ from timing.trials import (
 
 POINTS = (1, 10, 100, 1000, 10_000)
 OURS, AHEAD, EXPORTED = "qpavoid", "qpavoid, ahead", "exported C"
-LAWS = "eq5", "eq7"
-"""The paper's closed-form laws."""
 
 
 def one_step() -> SafetyFilter:
@@ -131,11 +128,6 @@ def _numpy(points: int, solver: str) -> Contender:
     return Contender(NumpyStep(CONTENDERS[solver].load()), np.asarray)
 
 
-def _law(points: int, name: str) -> Contender:
-    step = make_controller(name, Robot.mir100(), AvoidanceSettings()).start()
-    return Contender(lambda scan: step(scan[0], scan[1], Obstacles(scan[2])), _twist)
-
-
 STEPS: Mapping[str, Callable[[int], Contender]] = {
     OURS: _ours,
     AHEAD: partial(_ours, ahead=True),
@@ -144,7 +136,6 @@ STEPS: Mapping[str, Callable[[int], Contender]] = {
         for name in ("osqp", "casadi:daqp", "qpsolvers:daqp")
     },
     **{f"numpy + {name}": partial(_numpy, solver=name) for name in ("osqp", "daqp")},
-    **{name: partial(_law, name=name) for name in LAWS},
 }
 """Control steps by name, for a number of points."""
 
@@ -180,8 +171,8 @@ def time_steps(
 
     Returns:
         ``step``, ``points``, ``rows`` (median number that can matter), then
-        :func:`timing.trials.judge`'s columns. The look-ahead filter and the laws
-        have other answers, so that their errors are left out.
+        :func:`timing.trials.judge`'s columns. The look-ahead filter has
+        other answers, so that its errors are left out.
     """
     table: list[Row] = []
     for points in sizes:
@@ -195,7 +186,7 @@ def time_steps(
         safety = one_step()
         rows = np.median([len(safety.problem(*case.question).b) for case in cases])
         for name, row in race(contenders, cases, plan, plan.calls).items():
-            if name in (AHEAD, *LAWS):
+            if name == AHEAD:
                 faults = "wrong", "false_ok", "false_infeasible"
                 row |= dict.fromkeys((*faults, "error_p99", "worst_error"))
             start: Row = {"step": name, "points": points, "rows": float(rows)}

@@ -8,7 +8,7 @@ import pytest
 from places import COMPARISONS
 
 EXTRAS = """pyarrow pyrvo tcod mujoco rosbags gymnasium piqp proxsuite clarabel highspy
-cvxpy cbfpy elastiqp pink mink pinocchio IPython"""
+cbfpy elastiqp pink mink pinocchio IPython"""
 
 RUN = """
 import runpy, sys
