@@ -1,20 +1,13 @@
 """All solvers of the timing study by name: the package's back ends, and their peers."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from qpavoid.qp.backend_casadi import CasadiBackEnd
 from qpavoid.qp.backend_osqp import SETTINGS, OSQPBackEnd
 from qpavoid.qp.backend_qpsolvers import TIGHT
 from qpavoid.qp.solve import BACK_ENDS, BackEnd, BackEndEntry
 from timing.peers import CBFPY, Cbfpy, Daqp, Piqp, Quadprog
-
-QUIET: dict[str, Mapping[str, Any]] = {
-    "qpoases": {"printLevel": "none"},
-    "proxqp": {"proxqp": {"eps_abs": 1e-12, "max_iter": 300}},
-}
-"""Options of CasADi's other plug-ins; highs is left out: its stats() crash."""
 
 
 def _entry(kind: Callable[..., BackEnd], module: str, *settings: Any) -> BackEndEntry:
@@ -36,10 +29,6 @@ CONTENDERS: dict[str, BackEndEntry] = {
     "piqp default": _entry(Piqp, "piqp", {}),
     "quadprog": _entry(Quadprog, "quadprog", {}),
     **{name: entry for name, entry in BACK_ENDS.items() if name.startswith("casadi:")},
-    **{
-        f"casadi:{plugin}": _entry(CasadiBackEnd, "casadi", plugin, options)
-        for plugin, options in QUIET.items()
-    },
     **{name: entry for name, entry in BACK_ENDS.items() if name.startswith("qpsolv")},
     "cbfpy:elastiqp": _entry(Cbfpy, "cbfpy", CBFPY),
 }

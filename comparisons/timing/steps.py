@@ -2,8 +2,8 @@
 
 The steps go from numpy points to the twist: our one-step and look-ahead filters, the
 one-step filter with other back ends, the exported C, and the same rows written with
-numpy and a solver. Also: a step of the guide in four worlds, and a
-million calls of the one-step filter: the slowest call and the growth of memory.
+numpy and a solver. Also: a million calls of the one-step filter, the slowest call and
+the growth of memory.
 
     python comparisons/timing/steps.py --out out/steps
 """
@@ -25,9 +25,6 @@ from qpavoid.avoidance.decision import Decision, Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import QPAvoidError
-from qpavoid.guide.guide import Guide
-from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.qp.problem import ScaledProblem
 from qpavoid.qp.solve import BackEnd
@@ -264,79 +261,6 @@ def endure(points: int, calls: int, scans: int = 100) -> Row:
     }
 
 
-TRAP = np.array(
-    [(4.5, -1.0, 4.5, 1.0), (2.5, 1.0, 4.5, 1.0), (2.5, -1.0, 4.5, -1.0)],
-)
-GOAL = 9.0, 0.0, 0.0
-
-
-def empty(time: float) -> Obstacles:
-    """Return nothing."""
-    return Obstacles()
-
-
-def trap(time: float) -> Obstacles:
-    """Return a dead end, which must be left backwards: ways are searched."""
-    return Obstacles(walls=TRAP)
-
-
-def scan(time: float) -> Obstacles:
-    """Return the same as some 300 points."""
-    along = np.linspace(0.0, 1.0, 100)[:, None]
-    points = [wall[:2] + along * (wall[2:] - wall[:2]) for wall in TRAP]
-    return Obstacles(np.vstack(points))
-
-
-def people(time: float) -> Obstacles:
-    """Return ten discs that cross the way."""
-    k = np.arange(10.0)
-    velocities = np.column_stack([-0.3 + 0.03 * k, 0.4 * (-1.0) ** k])
-    places = np.column_stack([1.5 + k, -0.4 * (k + 2.0) * (-1.0) ** k])
-    discs = np.column_stack([places + time * velocities, np.full(10, 0.25)])
-    return Obstacles(discs=discs, disc_velocities=velocities)
-
-
-WORLDS = {"nothing": empty, "dead end": trap, "300 points": scan, "10 people": people}
-
-
-def time_guide(seconds: float, rounds: int) -> list[Row]:
-    """Return a row a world: quantiles and maximum of a step, µs, in a closed loop.
-
-    Args:
-        seconds: Of each run.
-        rounds: How often each is driven; the first one warms up.
-    """
-    rows = []
-    for name, world in WORLDS.items():
-        times = np.concatenate([drive(world, seconds) for _ in range(rounds + 1)][1:])
-        rows.append(
-            {
-                "world": name,
-                "steps": len(times),
-                "median_us": quantile(times, 0.5),
-                "p99_us": quantile(times, 0.99),
-                "max_us": float(times.max()),
-            }
-        )
-    return rows
-
-
-def drive(world: Callable[[float], Obstacles], seconds: float) -> Array:
-    """Return the time, µs, of each step of a run to the goal."""
-    guide, pose = Guide(Robot.mir100()), (0.0, 0.0, 0.0)
-    dt = guide.settings.dt
-    times = np.zeros(round(seconds / dt))
-    guide.go_to(pose, GOAL)
-    with undisturbed():
-        for i in range(len(times)):
-            seen = world(i * dt).seen_from(pose)
-            started = perf_counter_ns()
-            decision = guide.step(pose, seen)
-            times[i] = 1e-3 * (perf_counter_ns() - started)
-            pose = arc(*pose, decision.v, decision.omega, dt)
-    return times
-
-
 ENDURANCE = {
     "points": "points",
     "rows": "rows ≤",
@@ -349,13 +273,6 @@ ENDURANCE = {
     "switches": "processor taken away",
     "growth_mb": "growth of memory, MB",
 }
-GUIDE = {
-    "world": "world of a guide",
-    "steps": "steps",
-    "median_us": "median µs",
-    "p99_us": "p99",
-    "max_us": "max",
-}
 
 
 def main() -> None:
@@ -366,12 +283,11 @@ def main() -> None:
     plan = QUICK if options.quick else FULL
     steps = time_steps(POINTS, plan=plan, progress=print)
     steps += time_exported(POINTS, steps[0], plan)
-    guide = time_guide(*((2.0, 1) if options.quick else (30.0, 3)))
     long_run = [endure(100, 10_000 if options.quick else 1_000_000)]
-    tables = {"steps": steps, "guide": guide, "endurance": long_run}
+    tables = {"steps": steps, "endurance": long_run}
     write_tables(options.out, tables, origins(asdict(plan)))
     print(pivot(steps, "step", "points", "numpy + daqp"))
-    print(table_text(GUIDE, guide), table_text(ENDURANCE, long_run), sep="\n")
+    print(table_text(ENDURANCE, long_run))
 
 
 if __name__ == "__main__":

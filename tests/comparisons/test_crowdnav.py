@@ -158,7 +158,7 @@ def test_a_run_that_fails_is_a_row_and_the_exit_status(tmp_path, monkeypatch, ca
         study(monkeypatch, *options, "--methods", "alone", "--out", str(tmp_path))
     runs = read(tmp_path / "runs.csv")
     assert [row["error"] for row in runs] == ["", "ConfigError: no room"]
-    assert runs[1]["outcome"] == "failed" and runs[1]["jerk_mps3"] == ""
+    assert runs[1]["outcome"] == "failed" and runs[1]["min_room_m"] == ""
     assert "1 of 2 runs failed" in capsys.readouterr().err
 
 

@@ -175,15 +175,6 @@ def test_numpy_writes_the_rows_of_the_filter():
         np.testing.assert_allclose(b, problem.b, atol=1e-12)
 
 
-@pytest.mark.long
-def test_a_guide_is_timed_in_every_world():
-    found = steps.time_guide(1.0, 2)
-    assert [row["world"] for row in found] == list(steps.WORLDS)
-    for row in found:
-        assert row["steps"] == 2 * round(1.0 / 0.02)
-        assert 0.0 < row["median_us"] <= row["p99_us"] <= row["max_us"]
-
-
 def test_memory_does_not_grow():
     row = steps.endure(10, 20_000)
     assert row["calls"] == 20_000 and row["growth_mb"] < 1.0
