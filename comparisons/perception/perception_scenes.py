@@ -23,7 +23,6 @@ BODY = 0.25
 SHIN, STRIDE, SPREAD = 0.06, 0.35, 0.11
 """m; radius of a shin, its swing ahead and behind, half the distance of both."""
 
-
 FAULTS = {"range": 8.0, "dropout": 0.13, "fade": 0.12, "sweep": -0.085, "delay": -0.004}
 """Of the LiDAR in two_robots, as measured by perception_real.py."""
 

@@ -42,7 +42,7 @@ def metric(row: dict[str, Any], optimal: float) -> float:
 
 def print_metric(folder: Path, data: Path | None) -> None:
     """Print the mean metric of a sweep's runs by scenario and method."""
-    from qpavoid.lab.study.report.ranking import who
+    from qpavoid.lab.study.report import who
     from qpavoid.lab.study.sweep.store import read_rows
 
     found: defaultdict[tuple[str, str], list[float]] = defaultdict(list)

@@ -21,7 +21,6 @@ sys.argv = sys.argv[1:]
 runpy.run_path(sys.argv[0], run_name="__main__")
 """
 
-
 WANTING = {
     "slippery_floor.py": "mujoco",
     "random_policy.py": "gym",

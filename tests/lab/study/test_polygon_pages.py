@@ -1,13 +1,14 @@
 """Polygons in figures."""
 
 import pytest
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.plots import save_figures
-from qpavoid.lab.study.scene import RunPlot, middles, view_box
+from qpavoid.lab.study.scene import draw_run, middles, view_box
 from qpavoid.lab.study.style import styles
 from scenario_files import CROSSING, SLOW
 
@@ -37,10 +38,11 @@ def log(config):
 
 def test_polygons_are_drawn_where_they_are(log, tmp_path):
     box = view_box([log], surroundings=1.0)
-    scene = RunPlot(Figure().subplots(), log, styles([log])[0], box)
     for step in (0, 40):
-        scene.show(step)
-        drawn = [path.vertices for path in scene._polygons.get_paths()]
+        axes = Figure().subplots()
+        draw_run(axes, log, styles([log])[0], box, step)
+        (polygons,) = [x for x in axes.collections if isinstance(x, PolyCollection)]
+        drawn = [path.vertices for path in polygons.get_paths()]
         for outline, corners in zip(drawn, log.polygons_at(step), strict=True):
             assert_allclose(outline[: len(corners)], corners)
     assert len(middles(log)) == 1 and middles(log)[0].shape == (len(log), 2)
