@@ -75,17 +75,6 @@ def test_changed_and_touched_scans_are_counted(log, tmp_path, monkeypatch, capsy
         assert row["nearer"] == nearer and row["successes"] == 1
 
 
-@pytest.mark.parametrize("data", [True, False])
-def test_an_absent_log_is_said(tmp_path, monkeypatch, capsys, data):
-    monkeypatch.delenv("QPAVOID_DATA", raising=False)
-    option = ["--data", str(tmp_path)] if data else []
-    monkeypatch.setattr(sys, "argv", ["scan_replay.py", *option])
-    with pytest.raises(SystemExit):
-        scan_replay.main()
-    said = capsys.readouterr().err
-    assert scan_replay.LOG in said if data else "--data" in said
-
-
 def test_the_drive_is_that_of_the_rows(data_folder):
     scans = list(read_scans(data_folder / "carmen" / scan_replay.LOG))
     moments = scan_replay.make_moments(scans)

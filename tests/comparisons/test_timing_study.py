@@ -166,15 +166,6 @@ def test_a_step_is_that_of_the_filter(name):
         assert row["wrong"] == row["false_infeasible"] == 0
 
 
-def test_numpy_writes_the_rows_of_the_filter():
-    step, safety = steps.NumpyStep(np.zeros), steps.one_step()
-    for case in steps.step_cases(100, 10):
-        A, b = step.rows(case.question.points)
-        problem = safety.problem(*case.question)
-        np.testing.assert_allclose(A, problem.A, atol=1e-12)
-        np.testing.assert_allclose(b, problem.b, atol=1e-12)
-
-
 def test_memory_does_not_grow():
     row = steps.endure(10, 20_000)
     assert row["calls"] == 20_000 and row["growth_mb"] < 1.0

@@ -139,7 +139,7 @@ def table(scenario: Scenario, summary: Sequence[Metrics]) -> Table:
     for row in rows:
         result.add_column(str(row["controller"]), justify="right")
     for key, heading in list(COLUMNS.items())[1:]:
-        result.add_row(heading, *(_text(row[key]) for row in rows))
+        result.add_row(heading, *(cell(row[key]) for row in rows))
     return result
 
 
@@ -155,7 +155,8 @@ def worst_robot(rows: Sequence[Metrics]) -> Metrics:
     return worst
 
 
-def _text(value: Value) -> str:
+def cell(value: Value) -> str:
+    """Return a value as text; what does not apply is a dash."""
     if value is None:
         return "–"
     return f"{round(value, 3) + 0.0:g}" if isinstance(value, float) else str(value)
