@@ -2,7 +2,6 @@
 
 import json
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,6 @@ worlds = pytest.importorskip("worlds", reason="needs qpavoid[study]")
 
 from qpavoid.errors import DataError
 from qpavoid.lab.simulation.scenario import make_scenario
-from qpavoid.lab.study.sweep.study import read_study
 from qpavoid.lab.worlds.dynabarn import DynaBarn, find_worlds
 from walkers import walker
 
@@ -54,23 +52,6 @@ def test_a_phase_shifts_the_clock_by_thirds_to_the_first_jump(data):
         )  # 4 s after the jump, on the way back
         np.testing.assert_allclose(later.discs[0, :2], [1.0, -1.0], atol=1e-12)
         assert scene.path.sample(np.array([99.0]))[0, :2] == pytest.approx((-1.0, 0.0))
-
-
-def test_an_episode_may_end_at_the_jump(data):
-    source = DynaBarn("end", 1.0, data)
-    assert source.sample(2)["duration_s"] == pytest.approx(4.0)
-    assert source.identity(None) != DynaBarn("reverse", 1.0, data).identity(None)
-
-
-def test_a_study_file_takes_its_worlds(data, tmp_path):
-    file = tmp_path / "study.toml"
-    file.write_text(
-        'title = "t"\ncontrollers = ["qp"]\nseeds = "0:2"\n'
-        '[[generators]]\nkind = "dynabarn"\njumps = "end"\n'
-    )
-    study = read_study(file, data)
-    assert len(study) == 2
-    assert study.sources[0][0] == DynaBarn("end", 1.0, data)
 
 
 def test_absent_data_is_said(tmp_path, monkeypatch):
@@ -124,10 +105,3 @@ def test_own_clearance_is_that_of_a_fine_look():
 def test_humans_touch_each_other(data_folder, scene, count):
     tasks = worlds.Crowd(scene, str(data_folder)).tasks
     assert sum(worlds.own_clearance(task) < 0.0 for task in tasks) == count
-
-
-def test_the_script_says_what_is_absent(monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", ["worlds.py", "crowd", "--data", "nowhere"])
-    with pytest.raises(SystemExit):
-        worlds.main()
-    assert "ETH/seq_eth" in capsys.readouterr().err
