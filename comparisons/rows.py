@@ -219,7 +219,7 @@ def cell_of(row: Mapping[str, Any]) -> str:
 
 def runs_of(folder: Path) -> Iterator[tuple[Scene, str, Mapping[str, Any]]]:
     """Yield scene, method and row of every run of a sweep or a script."""
-    from qpavoid.lab.study.report.ranking import who
+    from qpavoid.lab.study.report import who
     from qpavoid.lab.study.sweep.store import read_rows
 
     if (folder / "runs").is_dir():

@@ -62,7 +62,6 @@ LEVEL, CLOSE, FEW = 0.05, 0.8, 8
 """Level of the paired test; part of the best success from which on contacts and time
 are compared; common successes from which on a ratio of times is shown."""
 
-
 FIRST = (
     *("Forests", "Moving discs", "Moving discs as points", "BARN, 2 m/s, LiDAR"),
     *("DynaBARN, 1 m/s", "Recorded crowds", "CrowdNav, 10 people", "Maps, after A*"),

@@ -33,10 +33,10 @@ MOST_ARROWS = 70
 
 CEILINGS = {
     "robot": 20_529,
-    "cli": 1_192,
-    "lab": 14_348,
-    "comparisons": 8_326,
-    "tests": 26_578,
+    "cli": 1_179,
+    "lab": 13_999,
+    "comparisons": 6_993,
+    "tests": 25_987,
 }
 """Lines of Python; ``cli`` holds all of the package but robot and lab. These numbers
 and those of FOLDERS only fall."""
@@ -46,8 +46,8 @@ FOLDERS = {
     "qpavoid/avoidance": 30,
     "tests": 16,
     "tests/avoidance": 27,
-    "tests/comparisons": 17,
-    "tests/support": 29,
+    "tests/comparisons": 15,
+    "tests/support": 28,
 }
 """Folders of more modules than that, without ``__init__``."""
 

@@ -38,7 +38,6 @@ low_m = [1.0, 1.0]
 high_m = [2.0, 2.0]
 """
 
-
 SCATTERED = """
 [[robots]]
 kind = "random"

@@ -74,8 +74,6 @@ def test_what_it_names_exists():
         assert list(ROOT.glob(path.rstrip("/"))), path
     for script in re.findall(r"python (comparisons/\w+\.py)", TEXT):
         assert (ROOT / script).is_file()
-    for path in re.findall(r"\]\(([\w./-]+?)(?:#\w+)?\)", TEXT):
-        assert (ROOT / path).exists(), path
 
 
 def test_its_commands_exist():

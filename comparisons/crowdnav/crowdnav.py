@@ -12,23 +12,18 @@ heading π/2, towards the goal. Its footprint is a regular dodecagon in the disc
 steps are of 0.05 s. At the beginning of a tick of 0.25 s it sees the previous
 velocities of people, from the next step on the present ones.
 
-Metrics: touched disc, touched footprint: share of runs in which either was, by people
-as they really moved; least: distance of the discs, m; discomfort: share of the ticks
-nearer than 0.2 m.
-
     python comparisons/crowdnav/crowdnav.py --people 5,10 --out out/crowdnav
 """
 
 import argparse
 import os
-from collections.abc import Sequence
+from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
 from functools import partial
 from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
-from statistics import fmean
 from typing import Any
 
 import numpy as np
@@ -41,21 +36,16 @@ from crowdnav_world import (
     START,
     TICK,
     TICKS,
-    Tick,
     judge_tick,
-    true_gap,
 )
 from qpavoid.errors import QPAvoidError
 from qpavoid.lab.simulation.methods import check_methods
 from qpavoid.lab.simulation.outcome import CRAWL, PROGRESS, STALLED
-from qpavoid.lab.study.statistics import wilson
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.types import Array
 
 HOLONOMIC = "orca-holonomic"
 METHODS = f"{HOLONOMIC},alone,eq5,eq7,qp,qp-ahead,qp-ahead+guide,orca,mppi"
-
-METRICS = ("touched_disc", "touched_footprint", "least", "discomfort")
 
 
 def run_case(method: str, crowd: Crowd, case: int) -> Row:
@@ -68,7 +58,7 @@ def run_case(method: str, crowd: Crowd, case: int) -> Row:
         return row | {
             **{"outcome": "failed", "success": False, "contact": False},
             **{"arrived_s": None, "contacts_moving": 0},
-            **dict.fromkeys((*FEET, *(f"metric_{name}" for name in METRICS))),
+            **dict.fromkeys(FEET),
             "error": f"{type(error).__name__}: {error}",
         }
 
@@ -77,70 +67,35 @@ def episode(method: str, crowd: Crowd, case: int) -> Row:
     """Return the outcome of a case."""
     people = crowd.meet(case)
     robot = Holonomic(crowd) if method == HOLONOMIC else Driven(method, crowd)
-    ends, ticks, gaps = [START], [], []
+    ends, event = [START], ""
     for k in range(TICKS):
         people.decide()
         way = robot.drive(k * TICK, people)
-        ticks.append(judge_tick(people, way[0], way[-1]))
-        gaps.append(true_gap(people, way))
+        event = judge_tick(people, way[0], way[-1])
         ends.append(way[-1])
         people.move()
-        if ticks[-1].event in ("touched", "arrived"):
+        if event:
             break
-    feet = robot.row()
-    least = feet["min_clearance_m"]
-    numbers = (
-        float(min(gaps) < 0.0),
-        None if least is None else float(least < 0.0),
-        min(gaps),
-        fmean(tick.event == "near" for tick in ticks),
-    )
-    metrics = (f"metric_{name}" for name in METRICS)
-    found = judged(ticks, np.array(ends)) | feet
-    return found | dict(zip(metrics, numbers, strict=True))
+    return judged(event, np.array(ends)) | robot.row()
 
 
-def judged(ticks: Sequence[Tick], ends: Array) -> Row:
+def judged(event: str, ends: Array) -> Row:
     """Return the outcome of an episode by the original's rule.
 
     Args:
-        ticks: Results of all ticks.
+        event: Of the last tick; see :func:`judge_tick`.
         ends: (n + 1, 2) m, the robot's places from the beginning on.
     """
-    event = ticks[-1].event
     late = ends[-1 - round(STALLED / TICK) :]
     stalled = bool((np.linalg.norm(late - ends[-1], axis=1) <= PROGRESS).all())
-    over = event if event in ("touched", "arrived") else ""
     speeds = np.linalg.norm(np.diff(ends, axis=0), axis=1) / TICK
     return {
-        "outcome": over or ("stalled" if stalled else "off goal"),
-        "success": over == "arrived",
-        "contact": over == "touched",
-        "arrived_s": TICK * len(ticks) if over == "arrived" else None,
-        "contacts_moving": int(over == "touched" and speeds[-1] > CRAWL),
+        "outcome": event or ("stalled" if stalled else "off goal"),
+        "success": event == "arrived",
+        "contact": event == "touched",
+        "arrived_s": TICK * (len(ends) - 1) if event == "arrived" else None,
+        "contacts_moving": int(event == "touched" and speeds[-1] > CRAWL),
     }
-
-
-def summary(rows: Sequence[Row]) -> Row:
-    """Return the line of a method: counts, mean time, metrics and Wilson's intervals.
-
-    Runs that failed are only counted.
-    """
-    line: Row = {"method": rows[0]["method"], "setting": rows[0]["setting"]}
-    line |= {"runs": len(rows), "failed": sum(bool(row["error"]) for row in rows)}
-    rows = [row for row in rows if not row["error"]]
-    if not rows:
-        return line
-    times = [row["arrived_s"] for row in rows if row["success"]]
-    line["mean_time_s"] = round(fmean(times), 2) if times else ""
-    for name in METRICS:
-        values = [x for row in rows if (x := row[f"metric_{name}"]) is not None]
-        line[f"metric_{name}"] = round(fmean(values), 4) if values else ""
-    for name, key in (("success", "success"), ("collision", "contact")):
-        bounds = wilson(sum(row[key] for row in rows), len(rows))
-        names = (name, f"{name}_low", f"{name}_high")
-        line |= dict(zip(names, (round(x, 4) for x in bounds), strict=True))
-    return line
 
 
 def study(options: argparse.Namespace) -> list[Row]:
@@ -155,7 +110,7 @@ def study(options: argparse.Namespace) -> list[Row]:
         crowd.meet(options.seed)
     cases = range(options.seed, options.seed + options.count)
     options.out.mkdir(parents=True, exist_ok=True)
-    rows, table = [], []
+    rows: list[Row] = []
     alone = options.workers == 1
     spawn = get_context("spawn")
     crew = nullcontext() if alone else ProcessPoolExecutor(options.workers, spawn)
@@ -164,11 +119,9 @@ def study(options: argparse.Namespace) -> list[Row]:
         for crowd, method in product(crowds, methods):
             found = list(each(partial(run_case, method, crowd), cases))
             rows += found
-            table.append(summary(found))
-            line = {k: v for k, v in table[-1].items() if v != ""}
-            print(" ".join(f"{k}={v}" for k, v in line.items()), flush=True)
+            ends = Counter(row["outcome"] for row in found)
+            print(f"{method}, {crowd.name}: {dict(ends)}", flush=True)
             write_csv(options.out / "runs.csv", rows)
-            write_csv(options.out / "table.csv", table)
     return rows
 
 

@@ -9,19 +9,14 @@ import numpy as np
 from crowdnav_cases import Crowd, make_scene
 from crowdnav_world import GOAL, RADIUS, START, TICK, Orca, People
 from qpavoid.lab.simulation.log import COLUMNS
-from qpavoid.lab.simulation.outcome import mean_jerk
 from qpavoid.lab.simulation.simulation import Simulation
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.types import Array, Pose
 
 Row: TypeAlias = dict[str, Any]
 
-NOTED = [COLUMNS.index(f"{key}_m") for key in ("clearance", "least_clearance", "room")]
-NOTED += [COLUMNS.index(key) for key in ("v_mps", "solve_time_s")]
-FEET = (
-    *("start_clearance_m", "min_clearance_m", "min_room_m", "jerk_mps3"),
-    *("solve_us", "solve_p99_us"),
-)
+NOTED = [COLUMNS.index(x) for x in ("clearance_m", "room_m", "solve_time_s")]
+FEET = "start_clearance_m", "min_room_m", "solve_us", "solve_p99_us"
 """Columns of a step, and those of a row that are made of them."""
 
 
@@ -50,7 +45,6 @@ class Driven:
         scene = replace(make_scene(), sensor=self._shown)
         self._simulation = Simulation(scene, method)
         self._discs = np.full((crowd.people, 3), RADIUS)
-        self._dt = scene.dt
         self._times = scene.dt * np.arange(round(TICK / scene.dt))
         self._noted: list[list[float]] = []
 
@@ -68,9 +62,9 @@ class Driven:
 
     def row(self) -> Row:
         """Return what is said of its footprint and its steps so far."""
-        start, least, room, v, times = np.array(self._noted).T
+        start, room, times = np.array(self._noted).T
         solve = 1e6 * np.percentile(times, (50.0, 99.0))
-        numbers = start[0], least.min(), room.min(), mean_jerk(v, self._dt), *solve
+        numbers = start[0], room.min(), *solve
         return dict(zip(FEET, map(float, numbers), strict=True))
 
 

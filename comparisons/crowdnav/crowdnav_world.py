@@ -8,7 +8,6 @@ see it. All arrays are in the world frame.
 
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -153,45 +152,17 @@ class People:
         self.places, self.before = self.at(TICK), self.velocities
 
 
-class Tick(NamedTuple):
-    """Result of a tick by CrowdNav's rule.
-
-    Attributes:
-        event: ``touched``, ``arrived``, ``near``, or nothing.
-        gap: Distance of the nearest disc by that rule, m.
-    """
-
-    event: str
-    gap: float
-
-
-def judge_tick(people: People, begin: Array, end: Array) -> Tick:
-    """Return the result of a tick in which the robot moves from ``begin`` to ``end``.
+def judge_tick(people: People, begin: Array, end: Array) -> str:
+    """Return ``touched``, ``arrived`` or nothing for a tick from ``begin`` to ``end``.
 
     By this rule people keep the velocities of the tick *before*: touched is a disc
-    below 0 m, near below 0.2 m. Arrived: the robot ends within 0.3 m of the goal.
+    below 0 m. Arrived: the robot ends within 0.3 m of the goal.
     """
     offset = people.places - begin
     moved = TICK * people.before - (end - begin)
-    gap = float(nearest(offset, offset + moved).min()) - 2 * RADIUS
-    if gap < 0.0:
-        return Tick("touched", gap)
-    if np.linalg.norm(end - GOAL) < RADIUS:
-        return Tick("arrived", gap)
-    return Tick("near" if gap < DISCOMFORT else "", gap)
-
-
-def true_gap(people: People, way: Array) -> float:
-    """Return the least distance, m, between the discs as they really move in a tick.
-
-    Args:
-        people: With the velocities of the tick.
-        way: (k + 1, 2) m, where the robot is at k + 1 times from its beginning to its
-            end; straight in between.
-    """
-    times = np.linspace(0.0, TICK, len(way))
-    offsets = np.array([people.at(time) for time in times]) - way[:, None]
-    return float(nearest(offsets[:-1], offsets[1:]).min()) - 2 * RADIUS
+    if nearest(offset, offset + moved).min() < 2 * RADIUS:
+        return "touched"
+    return "arrived" if np.linalg.norm(end - GOAL) < RADIUS else ""
 
 
 def nearest(begin: Array, end: Array) -> Array:

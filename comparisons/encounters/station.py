@@ -9,8 +9,8 @@ Run: python comparisons/encounters/station.py [--scenes 120] [--film film.gif]
 """
 
 import argparse
-import csv
 import math
+import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
@@ -22,23 +22,16 @@ from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "perception"))
+from perception_loops import ROBOT, SETTINGS, touches  # type: ignore[import-not-found]
 from qpavoid.guide.guide import Guide
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.simulation.simulation import Sensor, scanner
-from qpavoid.model.contacts import clearance_of
-from qpavoid.model.footprint import Footprint
+from qpavoid.lab.study.tables import write_csv
 from qpavoid.model.kinematics import integrate, to_world
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Limits, Robot
 from qpavoid.types import Pose
 
-ROBOT = Robot(
-    "cart",
-    Footprint.rectangle(0.8, 0.5),
-    Limits(-0.6, 1.2, -1.5, 1.5, acceleration=1.0, angular_acceleration=3.0),
-)
-SETTINGS = AvoidanceSettings(dt=0.05, radius=SafetyRadius(0.10, 0.15))
 BENCH = (-0.6, -0.75, 0.9, -0.75)
 """x1, y1, x2, y2 of its edge, m."""
 
@@ -106,8 +99,8 @@ def drive(
     for k in range(round(SECONDS / SETTINGS.dt)):
         time = k * SETTINGS.dt
         for i, one in enumerate(people):
-            disc = Obstacles(discs=[(*one.at(time), RADIUS)]).seen_from(poses[-1])
-            touched[i] |= clearance_of(ROBOT.footprint, disc.arrays) < 0.0
+            disc = Obstacles(discs=[(*one.at(time), RADIUS)])
+            touched[i] |= touches(poses[-1], disc)
         if see is None:
             world = seen(people, time).seen_from(poses[-1])
         else:
@@ -142,10 +135,7 @@ def study(scenes: int, path: Path) -> None:
     """Write a row per scene, and print their sums."""
     with ProcessPoolExecutor(2) as pool:
         rows = list(pool.map(row, range(scenes)))
-    with path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_csv(path, rows)
     for name in list(rows[0])[1:6]:
         print(name, sum(one[name] for one in rows))
     print("greatest error", max(one["error_mm"] for one in rows), "mm")

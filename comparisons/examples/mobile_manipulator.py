@@ -1,4 +1,4 @@
-"""A base with an arm reaches past a post and a hanging ball: [figure.png]."""
+"""A base with an arm reaches past a post: [figure.png]."""
 
 import sys
 
@@ -13,13 +13,11 @@ try:
 except ImportError:
     sys.exit(str(qp.MissingExtraError("pink", "wholebody")))
 
-from wholebody import FootprintLimit, Sphere, SpheresLimit
+from wholebody import FootprintLimit
 
 DT, POST = 0.02, (1.4, 0.35, 0.15)
-BALLS = np.array([(2.0, -0.1, 0.9, 0.15), *((*POST[:2], z, 0.15) for z in (0.6, 1.0))])
 TURNS = [pin.JointModelRZ, pin.JointModelRY, pin.JointModelRY] * 2
 HEIGHTS = [0.0, 0.3, 0.15, 0.35, 0.3, 0.1, 0.1]
-SPHERES = [Sphere((f"joint_{i}",), 0.08) for i in range(2, 7)]
 
 
 def mobile_manipulator():
@@ -36,12 +34,11 @@ def mobile_manipulator():
 def reach(goal, steps=600):
     """Return the configurations on the way of the last joint to a goal."""
     base = FootprintLimit(qp.Robot.mir100(), ("joint_0",), qp.AvoidanceSettings(dt=DT))
-    arm = SpheresLimit(SPHERES, gamma=2.0, keep=0.05, reach=0.6)
-    base.obstacles, arm.balls = qp.Obstacles(discs=[POST]), BALLS
+    base.obstacles = qp.Obstacles(discs=[POST])
     task = pink.tasks.FrameTask("joint_6", 1.0, 0.0, gain=0.05)
     task.set_target(pin.SE3(np.eye(3), np.array(goal)))
     model, q = mobile_manipulator(), np.array([0, 0, 1, 0, 0, 0.4, 1, 0, 0.6, 0])
-    limits = [base, arm, pink.limits.VelocityLimit(model)]
+    limits = [base, pink.limits.VelocityLimit(model)]
     way = [pink.Configuration(model, model.createData(), q)]
     for _ in range(steps):
         u = pink.solve_ik(way[-1], [task], DT, "daqp", 1e-4, limits)
@@ -57,8 +54,6 @@ if __name__ == "__main__":
         outline = qp.Robot.mir100().footprint.vertices @ base.rotation[:2, :2].T
         axes.fill(*(outline + base.translation[:2]).T, fill=False, color="0.7")
         axes.plot(*np.array([f.translation[:2] for f in arm]).T, "o-", color="C0", ms=3)
-    for (x, y, _, radius), what in zip(BALLS, ("ball at 0.9 m", "post"), strict=False):
-        axes.add_patch(plt.Circle((x, y), radius, color="0.25"))
-        axes.annotate(what, (x, y + radius), ha="center", va="bottom")
+    axes.add_patch(plt.Circle(POST[:2], POST[2], color="0.25"))
     axes.set(aspect="equal", xlabel="x (m)", ylabel="y (m)")
     figure.savefig(sys.argv[1] if sys.argv[1:] else "mobile_manipulator.png", dpi=120)

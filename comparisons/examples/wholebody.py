@@ -1,4 +1,4 @@
-"""A mobile manipulator: limits of footprint and arm for pink and mink, G Δq ≤ h.
+"""A mobile manipulator: limits of the base's footprint for pink and mink, G Δq ≤ h.
 
 The base's twist has no lateral part, so the unknowns are u = (v, ω, q̇). A frame is
 ``("tool",)`` with pink, ``("tool", "body")`` with mink. Nothing is relaxed.
@@ -12,7 +12,6 @@ from qpavoid.avoidance.barrier_rows import constraint_rows, row_reach, wheel_row
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.capsules import in_robot_frame, like
-from qpavoid.model.contact import NO_LENGTH
 from qpavoid.model.contacts import contact_table, empty_contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, twist_box
@@ -30,14 +29,6 @@ class Rows(NamedTuple):
     G: Array
     h: Array
     inactive: bool = False  # mink asks
-
-
-class Sphere(NamedTuple):
-    """A sphere that moves with a frame: its radius, and its centre there, in m."""
-
-    frame: Frame
-    radius: float
-    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 class FootprintLimit:
@@ -72,45 +63,6 @@ class FootprintLimit:
         G[:m, :2], h[:m] = -rows[:m, A_V : A_OMEGA + 1], -rows[:m, B]
         G[m:], h[m:] = ENDS, (box[1], box[3], 0.0, -box[0], -box[2], 0.0)
         return Rows((G @ J[[0, 5, 1]])[h < np.inf], dt * h[h < np.inf])
-
-
-class SpheresLimit:
-    """Rows nᵀ J_c q̇ ≥ −γ(d − d_min) + nᵀ v_o of the arm's spheres and the world's.
-
-    γ is ``gamma`` (1/s), d_min ``keep`` (m); beyond ``reach`` (m) there are none.
-
-    Attributes:
-        balls: (k, 4) x, y, z, radius of the world's spheres, m; update them.
-        velocities: Theirs (k, 3), m/s, or one for all.
-    """
-
-    def __init__(
-        self, spheres: list[Sphere], gamma: float, keep: float, reach: float
-    ) -> None:
-        sizes = gamma, keep, reach, *(sphere.radius for sphere in spheres)
-        if not (spheres and all(0.0 < size < np.inf for size in sizes)):
-            raise InvalidInputError("spheres with radii, gamma, keep, reach > 0 wanted")
-        self._frames, radii, at = zip(*spheres, strict=True)
-        self._radii, centres = np.array(radii)[:, None], finite_rows(at, 3, "centres")
-        self._centres = np.insert(centres, 3, 1.0, axis=1)[:, :, None]
-        self._levers = np.cross(self._centres[:, None, :3, 0], np.eye(3))  # ω to ω × c
-        self.balls, self.velocities = np.empty((0, 4)), np.zeros(3)
-        self._gamma, self._keep, self._reach = gamma, keep, reach
-
-    def compute_qp_inequalities(self, configuration: Any, dt: float) -> Rows:
-        """Return the rows at a configuration, for a step of dt s."""
-        balls = finite_rows(self.balls, 4, "balls")
-        v = finite_rows(np.atleast_2d(self.velocities), 3, "velocities")
-        if len(v) not in (1, len(balls)) or (balls[:, 3] < 0.0).any():
-            raise InvalidInputError("balls want radii >= 0, velocities one or k rows")
-        frames = [_frame(configuration, frame) for frame in self._frames]
-        places, J = (np.array(parts) for parts in zip(*frames, strict=True))
-        off = (places @ self._centres)[:, None, :3, 0] - balls[:, :3]
-        size = np.sqrt((off * off).sum(axis=2)) + NO_LENGTH
-        distance, n = size - balls[:, 3] - self._radii, off / size[..., None]
-        h = self._gamma * (distance - self._keep) - (n * v).sum(axis=2)
-        G = -n @ places[:, :3, :3] @ (J[:, :3] + self._levers @ J[:, 3:])
-        return Rows(G[distance < self._reach], dt * h[distance < self._reach])
 
 
 def _frame(configuration: Any, frame: Frame) -> tuple[Array, Array]:

@@ -112,7 +112,7 @@ def draw(path: Path, begin: float = 2.0, end: float = 13.5, every: int = 6) -> N
             places = found[:, :2] @ turn + made.poses[k, :2]
             known.append(np.hstack([places, found[:, 2:] @ turn]))
             echoes.append(echoes_of(made, k) @ turn + made.poses[k, :2])
-            truth.append(made.truth[k, :, :4])
+            truth.append(made.truth[k])
     figure, axes = plt.subplots(figsize=(9, 2.6))
     axes.plot(*np.vstack(echoes).T, ".", color="0.75", ms=1, label="echoes")
     way = made.poses[(made.stamps > begin) & (made.stamps < end), :2]

@@ -9,10 +9,9 @@ Run: python comparisons/perception/perception_loops.py [--scenes 60] [--kinds wa
 
 import argparse
 import math
-from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from perception_scenes import (
     Mover,
     Scene,
     box_walls,
-    gone_after,
+    passer,
     walk_line,
 )
 from qpavoid.lab.sensing.lidar import LidarSettings
@@ -31,6 +30,10 @@ from qpavoid.lab.simulation.simulation import scanner
 from qpavoid.model.contacts import clearance_of
 from qpavoid.model.kinematics import integrate
 from qpavoid.model.obstacles import Obstacles
+from qpavoid.types import Pose
+
+Row: TypeAlias = dict[str, float]
+"""Figures of a run: counts, and its time, s."""
 
 ROBOT = qp.Robot(
     "cart",
@@ -59,37 +62,12 @@ class Task(NamedTuple):
     Attributes:
         scene: World and movers; the robot's motion is not used.
         start: Pose, m and rad.
-        goal: The same.
+        goal: Pose, m and rad.
     """
 
     scene: Scene
-    start: tuple[float, float, float]
-    goal: tuple[float, float, float]
-
-
-class Outcome(NamedTuple):
-    """Of a run.
-
-    Attributes:
-        arrived: Whether it was at the goal in time.
-        touched: People touched while the robot moved.
-        touched_still: People who walked into it while it stood.
-        furniture: Whether it touched anything at rest.
-        time: s.
-    """
-
-    arrived: bool
-    touched: int
-    touched_still: int
-    furniture: bool
-    time: float
-
-    @property
-    def success(self) -> bool:
-        """Whether it arrived in time and touched nothing."""
-        return self.arrived and not (
-            self.touched or self.touched_still or self.furniture
-        )
+    start: Pose
+    goal: Pose
 
 
 def walkers(seed: int, shape: object = "person") -> Task:
@@ -101,25 +79,15 @@ def walkers(seed: int, shape: object = "person") -> Task:
         side = random.choice([-1.0, 1.0])
         x1, x2 = random.uniform(-4.5, 4.5, 2)
         begin, end = (x1, 4.6 * side), (x2, -4.6 * side)
-        lasts = math.dist(begin, end) / speed
-        path = gone_after(walk_line(begin, end, speed, start), start + lasts, start)
-        c, s = (
-            (end[0] - begin[0]) / (lasts * speed),
-            (end[1] - begin[1]) / (lasts * speed),
-        )
-        pair = [
-            Mover(shifted(path, -0.65 * i * s, 0.65 * i * c), shape, start)
-            for i in range(2)
-        ]
+        one = passer(begin, end, speed, start, shape)
+        angle = one.path(start)[2]
+        off = -0.65 * math.sin(angle), 0.65 * math.cos(angle)
+        pair = [one, one._replace(path=shifted(one.path, *off))]
         pair = pair[: 2 if random.random() < 0.4 else 1]
         if all(keep_apart(a, b) for a in pair for b in movers):
             movers += pair
-    walls = box_walls(-7, -5, 7, 5)
-    return Task(
-        Scene(walls, [], movers, duration=45.0),
-        (-5.5, 0.0, 0.0),
-        (5.5, 0.0, 0.0),
-    )
+    scene = Scene(box_walls(-7, -5, 7, 5), [], movers)
+    return Task(scene, (-5.5, 0.0, 0.0), (5.5, 0.0, 0.0))
 
 
 def shifted(path, x: float, y: float):
@@ -129,9 +97,8 @@ def shifted(path, x: float, y: float):
 
 def keep_apart(a: Mover, b: Mover) -> bool:
     """Return whether two people never meet; a pair that has left together may."""
-    times = np.arange(max(a.begins, b.begins, 0.0), 50.0, 0.2)
-    here = [(a.path(t)[:2], b.path(t)[:2]) for t in times]
-    return all(math.dist(p, q) > 0.7 or p[0] > 100.0 for p, q in here)
+    times = np.arange(max(a.begins, b.begins, 0.0), min(a.ends, b.ends, 50.0), 0.2)
+    return all(math.dist(a.path(t)[:2], b.path(t)[:2]) > 0.7 for t in times)
 
 
 def corridor(seed: int) -> Task:
@@ -142,19 +109,9 @@ def corridor(seed: int) -> Task:
         y = random.uniform(-1.0, 1.0) * (half - BODY - 0.1)
     speed = random.uniform(0.5, 1.4)
     start = random.uniform(0.0, 3.0)
-    path = walk_line((8.0, y), (-30.0, y), speed, start)
-    walls = [
-        (-9, -half, 9, -half),
-        (-9, half, 9, half),
-        (9, -half, 9, half),
-        (-9, -half, -9, half),
-    ]
-    mover = Mover(gone_after(path, start + 16.5 / speed, 0.0))
-    return Task(
-        Scene(walls, [], [mover], duration=40.0),
-        (-5.0, 0.0, 0.0),
-        (4.0, 0.0, 0.0),
-    )
+    mover = passer((8.0, y), (-8.5, y), speed, start)._replace(begins=0.0)
+    scene = Scene(box_walls(-9, -half, 9, half), [], [mover])
+    return Task(scene, (-5.0, 0.0, 0.0), (4.0, 0.0, 0.0))
 
 
 def rooms(seed: int) -> Task:
@@ -182,11 +139,7 @@ def rooms(seed: int) -> Task:
             continue
         path = walk_line(begin, end, speed, 0.0, START)
         movers.append(Mover(lambda t, path=path, phase=phase: path(t + phase)))
-    return Task(
-        Scene(walls, posts, movers, duration=60.0),
-        (-5.0, -0.6, 0.0),
-        (5.0, 0.6, 0.0),
-    )
+    return Task(Scene(walls, posts, movers), (-5.0, -0.6, 0.0), (5.0, 0.6, 0.0))
 
 
 KINDS = {
@@ -197,88 +150,72 @@ KINDS = {
 }
 
 
-class Drive:
-    """A run of a task: the robot, its LiDAR and guide, and who was touched.
-
-    Attributes:
-        task: To be driven.
-        pose: Of the robot, m and rad.
-        touched: Rows of people touched while the robot moved.
-        still: Rows of people who walked into it while it stood.
-        furniture: Whether it touched anything at rest.
-    """
-
-    def __init__(self, task: Task, sense: str, lidar: LidarSettings, seed: int) -> None:
-        self.task, self.pose, self._sense = task, task.start, sense
-        perceives = sense == "perception"
-        self._scan = scanner(ROBOT, replace(lidar, seed=seed, perception=perceives))
-        self._guide = qp.Guide(ROBOT, SETTINGS)
-        self.touched, self.still = set[int](), set[int]()
-        self.furniture = False
-
-    def see(self, time: float) -> Obstacles:
-        """Return the obstacles that the guide is given, robot frame."""
-        scene = self.task.scene
-        if self._sense != "true":
-            return self._scan(time, scene.obstacles(time), self.pose)
-        near = [
-            mover.motion(time)
-            for mover in scene.movers
-            if time >= mover.begins and apart(mover, time, self.pose) < SIGHT
-        ]
-        return Obstacles(
-            discs=[*((x, y, BODY) for x, y, *_ in near), *scene.posts],
-            disc_velocities=[
-                *(m[2:4] for m in near),
-                *((0.0, 0.0) for _ in scene.posts),
-            ],
-            walls=scene.walls,
-        ).seen_from(self.pose)
-
-    def step(self, time: float) -> None:
-        """Drive one control step, and note who is touched."""
-        seen = self.see(time)
-        if time < WARM:
-            return
-        if time < WARM + SETTINGS.dt:
-            self._guide.go_to(self.pose, self.task.goal, speed=SPEED)
-        v, omega, *_ = self._guide.step(self.pose, seen)
-        self.pose = integrate(self.pose, (v, omega), 0.0, SETTINGS.dt)
-        moves = abs(v) > 0.02 or abs(omega) > 0.02
-        scene, after = self.task.scene, time + SETTINGS.dt
-        for i, mover in enumerate(scene.movers):
-            if after >= mover.begins and apart(mover, after, self.pose) < 2.0:
-                discs, _ = mover.outline(after)
-                if self._touches(Obstacles(discs=discs)):
-                    (self.touched if moves else self.still).add(i)
-        self.furniture |= self._touches(Obstacles(discs=scene.posts, walls=scene.walls))
-
-    def _touches(self, bodies: Obstacles) -> bool:
-        arrays = bodies.seen_from(self.pose).arrays
-        return clearance_of(ROBOT.footprint, arrays) < 0.0
+def known(scene: Scene, time: float, pose: Pose) -> Obstacles:
+    """Return people within :data:`SIGHT` with their velocities, and the rest."""
+    near = [
+        mover.motion(time)
+        for mover in scene.movers
+        if mover.is_there(time) and apart(mover, time, pose) < SIGHT
+    ]
+    return Obstacles(
+        discs=[*((x, y, BODY) for x, y, *_ in near), *scene.posts],
+        disc_velocities=[*(m[2:] for m in near), *([(0.0, 0.0)] * len(scene.posts))],
+        walls=scene.walls,
+    ).seen_from(pose)
 
 
-def apart(mover: Mover, time: float, pose: Sequence[float]) -> float:
+def apart(mover: Mover, time: float, pose: Pose) -> float:
     """Return the distance of a mover from the robot, m."""
     return math.dist(mover.path(time)[:2], pose[:2])
 
 
-def drive(task: Task, sense: str, lidar: LidarSettings, seed: int) -> Outcome:
-    """Drive a task; ``sense`` is ``true``, ``points`` or ``perception``."""
-    made, time = Drive(task, sense, lidar, seed), 0.0
-    free = math.dist(task.start[:2], task.goal[:2]) / SPEED + 3.0
-    while time < WARM + 3.0 * free:
-        made.step(time)
-        time += SETTINGS.dt
-        if math.dist(made.pose[:2], task.goal[:2]) < ARRIVED:
-            break
-    arrived = math.dist(made.pose[:2], task.goal[:2]) < ARRIVED
-    still = len(made.still - made.touched)
-    return Outcome(arrived, len(made.touched), still, made.furniture, time - WARM)
+def touches(pose: Pose, bodies: Obstacles) -> bool:
+    """Return whether the robot touches bodies, world frame."""
+    return clearance_of(ROBOT.footprint, bodies.seen_from(pose).arrays) < 0.0
 
 
-def run(job: tuple[str, int, str, bool]) -> Outcome:
-    """Return the outcome of a kind, seed and sense, with a faulty LiDAR or not."""
+def drive(task: Task, sense: str, lidar: LidarSettings, seed: int) -> Row:
+    """Return the figures of a run; ``sense``: ``true``, ``points`` or ``perception``.
+
+    ``touched`` are people touched while the robot moved, ``at rest`` those who walked
+    into it while it stood.
+    """
+    scene, pose, time = task.scene, task.start, 0.0
+    perceives = sense == "perception"
+    see = scanner(ROBOT, replace(lidar, seed=seed, perception=perceives))
+    guide = qp.Guide(ROBOT, SETTINGS)
+    guide.go_to(pose, task.goal, speed=SPEED)
+    touched, still, furniture = set[int](), set[int](), False
+    late = WARM + 3.0 * (math.dist(pose[:2], task.goal[:2]) / SPEED + 3.0)
+    bodies = Obstacles(discs=scene.posts, walls=scene.walls)
+    while time < late and math.dist(pose[:2], task.goal[:2]) >= ARRIVED:
+        true = sense == "true"
+        there = scene.obstacles(time)
+        seen = known(scene, time, pose) if true else see(time, there, pose)
+        warm, time = time >= WARM, time + SETTINGS.dt
+        if not warm:
+            continue
+        v, omega, *_ = guide.step(pose, seen)
+        pose = integrate(pose, (v, omega), 0.0, SETTINGS.dt)
+        moves = abs(v) > 0.02 or abs(omega) > 0.02
+        for i, mover in enumerate(scene.movers):
+            if mover.is_there(time) and apart(mover, time, pose) < 2.0:
+                if touches(pose, Obstacles(discs=mover.outline(time)[0])):
+                    (touched if moves else still).add(i)
+        furniture |= touches(pose, bodies)
+    arrived = math.dist(pose[:2], task.goal[:2]) < ARRIVED
+    return {
+        "success": arrived and not (touched or still or furniture),
+        "touched": len(touched),
+        "at rest": len(still - touched),
+        "furniture": furniture,
+        "late": not arrived,
+        "median time": time - WARM,
+    }
+
+
+def run(job: tuple[str, int, str, bool]) -> Row:
+    """Return the figures of a kind, seed and sense, with a faulty LiDAR or not."""
     kind, seed, sense, faulty = job
     lidar = PART if kind == "rooms" else ROUND
     lidar = replace(lidar, **FAULTS) if faulty else lidar
@@ -300,18 +237,11 @@ def main() -> None:
             for sense in options.senses:
                 jobs = [(kind, seed, sense, options.faulty) for seed in seeds]
                 out = list(pool.map(run, jobs))
-                row = {
-                    "success": sum(one.success for one in out),
-                    "touched": sum(one.touched for one in out),
-                    "at rest": sum(one.touched_still for one in out),
-                    "furniture": sum(one.furniture for one in out),
-                    "late": sum(not one.arrived for one in out),
-                    "median time": round(
-                        float(np.median([one.time for one in out])), 1
-                    ),
-                }
+                row = {name: sum(one[name] for one in out) for name in out[0]}
+                times = [one["median time"] for one in out]
+                row["median time"] = round(float(np.median(times)), 1)
                 failed = [
-                    s for s, one in zip(seeds, out, strict=True) if not one.success
+                    s for s, one in zip(seeds, out, strict=True) if not one["success"]
                 ]
                 print(kind, sense, len(out), row, failed[:15], flush=True)
 

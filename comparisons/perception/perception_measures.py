@@ -63,7 +63,7 @@ def to_robot(pose: np.ndarray, states: np.ndarray) -> np.ndarray:
     turn = np.array([[c, -s], [s, c]])
     out = np.empty((len(states), 4))
     out[:, :2] = (states[:, :2] - pose[:2]) @ turn
-    out[:, 2:] = states[:, 2:4] @ turn
+    out[:, 2:] = states[:, 2:] @ turn
     return out
 
 

@@ -7,14 +7,14 @@ if echoes before their background are near it in less than 20 % of its scans. In
 building all tracks count as lone, those of people too.
 
 Run: python comparisons/perception/perception_real.py [--data PATH] [--out FILE.csv]
-     [--draw FOLDER]
 """
 
 import argparse
 import math
 from collections.abc import Iterable, Iterator
+from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -27,6 +27,8 @@ from qpavoid.lab.study.calibrate import Recording, calibrate, poses_of, scans_of
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.carmen import NO_ECHO, in_order, read_scans
 from qpavoid.lab.worlds.source import find_file
+
+Row: TypeAlias = dict[str, object]
 
 CARS = {
     "two_robots": ("/mocap_pose", ["/robot_1", "/robot_2"]),
@@ -91,13 +93,13 @@ def bag(path: Path, topics: Iterable[str]) -> list:
     return read_bag(path, lambda held: {one: one for one in topics})[1]
 
 
-def cars(data: Path | None) -> Iterator[dict[str, object]]:
+def cars(data: Path | None) -> Iterator[Row]:
     """Yield rows of the recordings with motion capture."""
     for name, (own, others) in CARS.items():
         path = find_file("recorded scans", f"{name}.bag", data, ("scans/datmo",))
         events = bag(path, [own, *others, "/scan"])
         recording = scans_of(events, "/scan", poses_of(events, own))
-        row: dict[str, object] = {"recording": name}
+        row: Row = {"recording": name}
         row["scans"] = len(recording.stamps)
         found = calibrate(recording, strict=False)
         row["wall_m"] = round(found.thickness, 4)
@@ -193,28 +195,20 @@ def followed(seen: list[Seen]) -> dict[int, np.ndarray]:
     return {name: np.array(rows) for name, rows in found.items()}
 
 
-def of_tracks(seen: list[Seen]) -> dict[str, object]:
-    """Return numbers of tracks, and how straight they are within a second."""
-    tracks, straight = followed(seen), []
+def of_tracks(seen: list[Seen]) -> Row:
+    """Return numbers of tracks."""
     minutes = (seen[-1].time - seen[0].time) / 60.0
-    long = [one for one in tracks.values() if np.ptp(one[:, 0]) >= LEAST]
-    for one in long:
-        steps = np.hypot(*np.diff(one[:, 1:3], axis=0).T)
-        for k, time in enumerate(one[:, 0]):
-            j = int(np.searchsorted(one[:, 0], time + 1.0))
-            if j < len(one) and steps[k:j].sum() > 0.3:
-                away = math.dist(one[k, 1:3], one[j, 1:3])
-                straight.append(away / steps[k:j].sum())
+    lasting = [np.ptp(one[:, 0]) for one in followed(seen).values()]
+    long = sum(bool(one >= LEAST) for one in lasting)
     return {
         "scans": len(seen),
-        "tracks_per_minute": round(len(tracks) / minutes, 2),
-        "long_tracks_per_minute": round(len(long) / minutes, 2),
+        "tracks_per_minute": round(len(lasting) / minutes, 2),
+        "long_tracks_per_minute": round(long / minutes, 2),
         "tracks_at_once": round(float(np.mean([len(s.tracks) for s in seen])), 2),
-        "straightness": round(float(np.median(straight)), 3) if straight else "",
     }
 
 
-def lone(seen: list[Seen]) -> dict[str, object]:
+def lone(seen: list[Seen]) -> Row:
     """Return the shares of scans with a velocity of a lone track."""
     beside: dict[int, list[bool]] = {}
     for one in seen:
@@ -239,6 +233,19 @@ def lone(seen: list[Seen]) -> dict[str, object]:
     }
 
 
+def without_truth(data: Path | None) -> Iterator[Row]:
+    """Yield rows of the sensors at rest, and of the building."""
+    for (folder, name), mounts in AT_REST.items():
+        path = find_file("scans", f"{name}.bag", data, (f"scans/{folder}",))
+        seen = seen_at_rest(path, mounts)
+        yield {"recording": name, "setting": "default"} | of_tracks(seen) | lone(seen)
+    log = find_file("CARMEN logs", LOG, data, ("carmen",))
+    for how, more in BUILDING.items():
+        seen = building(log, **more)
+        row = {"recording": "freiburg-079", "setting": how}
+        yield row | of_tracks(seen) | lone(seen)
+
+
 def building(path: Path, **more) -> list[Seen]:
     """Return the scans of a CARMEN log; the pose is that of the laser."""
     scans = in_order(list(read_scans(path)))
@@ -249,68 +256,20 @@ def building(path: Path, **more) -> list[Seen]:
     perception, seen = qp.Perception(SPECK, lidar), []
     for one in scans:
         ranges = np.where(one.ranges < NO_ECHO, one.ranges, np.inf)
-        places = one.points() @ [1.0, 1j] * np.exp(1j * one.pose[2])
-        made = taken(perception, one.time, ranges, np.array(one.pose))
-        seen.append(made._replace(echoes=places + complex(*one.pose[:2])))
+        seen.append(taken(perception, one.time, ranges, np.array(one.pose)))
     return seen
 
 
-def draw(seen: list[Seen], path: Path, begin: float, end: float) -> None:
-    """Draw echoes and tracks of a time: x and y over it, and from above."""
-    import matplotlib.pyplot as plt
-
-    part = [one for one in seen if begin <= one.time < end]
-    figure, axes = plt.subplots(1, 3, figsize=(30, 10))
-    times = np.concatenate([np.full(len(one.echoes), one.time) for one in part])
-    echoes = np.concatenate([one.echoes for one in part]).astype(complex)
-    axes[0].plot(times, echoes.real, ".", color="0.7", ms=1)
-    axes[1].plot(times, echoes.imag, ".", color="0.7", ms=1)
-    axes[2].scatter(echoes.real, echoes.imag, c=times, s=1, cmap="jet")
-    axes[2].plot(*np.array([one.pose[:2] for one in part]).T, "k")
-    for name, one in followed(part).items():
-        for axis, x, y in zip(axes, (0, 0, 1), (1, 2, 2), strict=True):
-            axis.plot(one[:, x], one[:, y], "-", lw=1.5)
-            axis.annotate(str(name), (one[0, x], one[0, y]))
-    axes[2].axis("equal")
-    figure.tight_layout()
-    figure.savefig(path, dpi=50)
-    plt.close(figure)
-
-
 def main() -> None:
-    """Print and write the rows; draw what has no truth."""
+    """Print and write the rows."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", type=Path, help="published data sets")
     parser.add_argument("--out", type=Path, help="table to write, .csv")
-    parser.add_argument("--draw", type=Path, help="folder of pictures")
     options = parser.parse_args()
-    log = find_file("CARMEN logs", LOG, options.data, ("carmen",))
-    table: list[dict[str, object]] = []
-
-    def add(row: dict[str, object]) -> None:
+    table = []
+    for row in chain(cars(options.data), without_truth(options.data)):
         table.append(row)
         print(*row.values(), flush=True)
-
-    for row in cars(options.data):
-        add(row)
-    others = []
-    for (folder, name), mounts in AT_REST.items():
-        path = find_file("scans", f"{name}.bag", options.data, (f"scans/{folder}",))
-        others.append((name, "default", seen_at_rest(path, mounts)))
-    others += [
-        ("freiburg-079", how, building(log, **BUILDING[how])) for how in BUILDING
-    ]
-    for name, how, seen in others:
-        quiet = seen
-        if name == "freiburg-079":
-            quiet = [one._replace(echoes=np.array([])) for one in seen]
-        row = {"recording": name, "setting": how}
-        add(row | of_tracks(seen) | lone(quiet))
-        for begin in range(0, 1200, 32) if options.draw else ():
-            if begin < seen[-1].time:
-                file = f"{row['recording']}-{how}-{begin}.png"
-                options.draw.mkdir(parents=True, exist_ok=True)
-                draw(seen, options.draw / file, begin, begin + 32)
     if options.out:
         write_csv(options.out, table)
 

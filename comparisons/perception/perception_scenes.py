@@ -23,7 +23,6 @@ BODY = 0.25
 SHIN, STRIDE, SPREAD = 0.06, 0.35, 0.11
 """m; radius of a shin, its swing ahead and behind, half the distance of both."""
 
-
 FAULTS = {"range": 8.0, "dropout": 0.13, "fade": 0.12, "sweep": -0.085, "delay": -0.004}
 """Of the LiDAR in two_robots, as measured by perception_real.py."""
 
@@ -37,41 +36,33 @@ class Mover(NamedTuple):
     Attributes:
         path: x, y, heading (m, m, rad) at a time in s.
         shape: ``person``, ``shins``, or the (n, 2) vertices of a polygon about the
-            origin of its path, m.
+            middle, m.
         begins: s; it is there from then on.
+        ends: s; it is there until then.
     """
 
     path: Callable[[float], tuple[float, float, float]]
     shape: object = "person"
     begins: float = 0.0
+    ends: float = math.inf
+
+    def is_there(self, time: float) -> bool:
+        """Return whether it is in the world at a time."""
+        return self.begins <= time <= self.ends
 
     def motion(self, time: float) -> np.ndarray:
-        """Return x, y, v_x, v_y and turn rate of the middle, by central differences."""
+        """Return x, y, v_x, v_y, the velocity by central differences."""
         h = 1e-3
-        a, b = self.middle(time - h), self.middle(time + h)
-        x, y, _ = self.middle(time)
-        turn = math.remainder(b[2] - a[2], 2 * math.pi)
-        rates = np.array([b[0] - a[0], b[1] - a[1], turn]) / (2 * h)
-        return np.array([x, y, *rates])
+        a, b = self.path(time - h), self.path(time + h)
+        x, y, _ = self.path(time)
+        return np.array([x, y, (b[0] - a[0]) / (2 * h), (b[1] - a[1]) / (2 * h)])
 
     @property
     def reach(self) -> float:
         """Greatest distance of its outline from its place, m."""
         if isinstance(self.shape, np.ndarray):
-            return float(np.hypot(*(self.shape - self.shape.mean(axis=0)).T).max())
+            return float(np.hypot(*self.shape.T).max())
         return BODY
-
-    def middle(self, time: float) -> tuple[float, float, float]:
-        """Return x, y and heading of the middle of its shape."""
-        x, y, heading = self.path(time)
-        if isinstance(self.shape, np.ndarray):
-            off, cos, sin = (
-                self.shape.mean(axis=0),
-                math.cos(heading),
-                math.sin(heading),
-            )
-            x, y = x + cos * off[0] - sin * off[1], y + sin * off[0] + cos * off[1]
-        return x, y, heading
 
     def outline(self, time: float) -> tuple[list[Sequence[float]], list[np.ndarray]]:
         """Return its discs and polygons, world frame."""
@@ -81,8 +72,7 @@ class Mover(NamedTuple):
             return [], [self.shape @ np.array([[cos, sin], [-sin, cos]]) + (x, y)]
         if self.shape == "person":
             return [(x, y, BODY)], []
-        _, _, v_x, v_y, _ = self.motion(time)
-        speed = math.hypot(v_x, v_y)
+        speed = math.hypot(*self.motion(time)[2:])
         swing = min(STRIDE, 0.3 * speed) * math.sin(2 * math.pi * 0.9 * time)
         legs = ((swing, SPREAD), (-swing, -SPREAD))
         return [
@@ -112,7 +102,7 @@ class Scene:
         """Return everything that a LiDAR sees at a time, world frame."""
         discs, polygons = list(self.posts), []
         for mover in self.movers:
-            if time >= mover.begins:
+            if mover.is_there(time):
                 more, shapes = mover.outline(time)
                 discs += more
                 polygons += shapes
@@ -132,7 +122,7 @@ class Recorded(NamedTuple):
         ranges: (n, beams) m; ``inf``: no echo within range; NaN: lost.
         odometry: (n, 3) x, y, heading with drift, m, m, rad.
         poses: (n, 3) true ones.
-        truth: (n, movers, 5) x, y, v_x, v_y, turn rate; NaN before a mover begins.
+        truth: (n, movers, 4) x, y, v_x, v_y; NaN where a mover is not there.
         reach: (movers,) greatest distance of its outline from its place, m.
     """
 
@@ -179,7 +169,7 @@ def record(
     stamps = np.maximum(stamps, 0.0)
     sensor = Lidar(replace(lidar, seed=seed))
     poses = np.array([scene.robot(t) for t in stamps])
-    rows, truth = [], np.full((count, len(scene.movers), 5), np.nan)
+    rows, truth = [], np.full((count, len(scene.movers), 4), np.nan)
     for k, time in enumerate(stamps.tolist()):
         rows.append(
             sensor.measure(
@@ -187,7 +177,7 @@ def record(
             )
         )
         for i, mover in enumerate(scene.movers):
-            if time >= mover.begins:
+            if mover.is_there(time):
                 truth[k, i] = mover.motion(time)
     odometry = drifted(poses, drift, random)
     reach = [mover.reach for mover in scene.movers]
@@ -315,6 +305,18 @@ def still_robot(x: float = 0.0, y: float = 0.0, heading: float = 0.0):
 ROOM = [*box_walls(-5, -4, 5, 4), *box_walls(3.5, -3.5, 4.5, -2.5)]
 
 
+def passer(
+    begin: Sequence[float],
+    end: Sequence[float],
+    speed: float,
+    start: float,
+    shape: object = "person",
+) -> Mover:
+    """Return a mover that starts at a time, s, and is gone at the end of its line."""
+    until = start + math.dist(begin, end) / speed
+    return Mover(walk_line(begin, end, speed, start), shape, start, until)
+
+
 def crossings(shape: object = "person", abreast: int = 1, seed: int = 0) -> Scene:
     """Return a parked robot in a room that people cross, alone or side by side."""
     random = np.random.default_rng(seed)
@@ -323,7 +325,6 @@ def crossings(shape: object = "person", abreast: int = 1, seed: int = 0) -> Scen
         speed, angle = random.uniform(0.5, 1.5), random.uniform(-math.pi, math.pi)
         near = random.uniform(0.8, 2.5)
         c, s = math.cos(angle), math.sin(angle)
-        start = 3.0 + 7.0 * k
         for i in range(abreast):
             off = near + 0.65 * i
             way = 3.0 if abreast > 1 else 4.5  # a clip would bring several together
@@ -332,15 +333,8 @@ def crossings(shape: object = "person", abreast: int = 1, seed: int = 0) -> Scen
             if abreast == 1:
                 room = (-4.6, -3.6), (4.6, 3.6)
                 begin, end = np.clip(begin, *room), np.clip(end, *room)
-            path = walk_line(begin, end, speed, start)
-            until = start + math.dist(begin, end) / speed
-            movers.append(Mover(gone_after(path, until, start), shape, start))
+            movers.append(passer(begin, end, speed, 3.0 + 7.0 * k, shape))
     return Scene(list(ROOM), [(-3.0, 3.0, 0.03)], movers, still_robot(), 60.0)
-
-
-def gone_after(path, until: float, start: float):
-    """Return a path that ends far away, where no sensor sees the mover."""
-    return lambda t: path(t) if t <= until else (1e3 + start, 1e3, 0.0)
 
 
 def corridor(seed: int = 0) -> Scene:
@@ -348,12 +342,8 @@ def corridor(seed: int = 0) -> Scene:
     random = np.random.default_rng(seed)
     movers = []
     for k in range(6):
-        y = random.uniform(-0.7, 0.7)
-        start = 2.0 + 8.0 * k
-        speed = random.uniform(0.5, 1.4)
-        path = walk_line((9.0, y), (-9.0, y), speed, start)
-        path = gone_after(path, start + 18.0 / speed, start)
-        movers.append(Mover(path, begins=start))
+        y, speed = random.uniform(-0.7, 0.7), random.uniform(0.5, 1.4)
+        movers.append(passer((9.0, y), (-9.0, y), speed, 2.0 + 8.0 * k))
     walls = [(-10, -1, 10, -1), (-10, 1, 2, 1), (3, 1, 10, 1)]
     walls += [(10, -1, 10, 1), (-10, -1, -10, 1)]
     return Scene(walls, [], movers, tour([(-3.0, 0.0), (3.0, 0.0)], 0.4, 0.8), 50.0)
@@ -361,23 +351,17 @@ def corridor(seed: int = 0) -> Scene:
 
 def along_wall(seed: int = 0) -> Scene:
     """Return people who walk along a wall, 0.2 m from it."""
-    movers = []
-    for k, speed in enumerate((0.6, 0.9, 1.2, 1.5)):
-        start = 2.0 + 9.0 * k
-        path = walk_line((-4.5, 4 - 0.45), (4.5, 4 - 0.45), speed, start)
-        path = gone_after(path, start + 9.0 / speed, start)
-        movers.append(Mover(path, begins=start))
+    line = (-4.5, 4 - 0.45), (4.5, 4 - 0.45)
+    speeds = enumerate((0.6, 0.9, 1.2, 1.5))
+    movers = [passer(*line, speed, 2.0 + 9.0 * k) for k, speed in speeds]
     return Scene(list(ROOM), [], movers, still_robot(0.0, 1.0), 40.0)
 
 
 def occlusion(seed: int = 0) -> Scene:
     """Return people who come from behind a wall."""
-    movers = []
-    for k, speed in enumerate((0.8, 1.1, 1.4, 0.6)):
-        start = 2.0 + 9.0 * k
-        path = walk_line((4.5, 3.0), (-4.5, 0.8), speed, start)
-        path = gone_after(path, start + 9.26 / speed, start)
-        movers.append(Mover(path, begins=start))
+    speeds = enumerate((0.8, 1.1, 1.4, 0.6))
+    line = (4.5, 3.0), (-4.5, 0.8)
+    movers = [passer(*line, speed, 2.0 + 9.0 * k) for k, speed in speeds]
     walls = [*ROOM, (1.0, 0.8, 1.0, 3.0), (1.0, 3.0, 3.0, 3.0)]
     return Scene(walls, [], movers, still_robot(-1.0, -1.0, 0.5), 40.0)
 
@@ -396,30 +380,27 @@ def stop_and_go(seed: int = 0) -> Scene:
 
 def large(kind: str) -> Scene:
     """Return a cart of 1.2 × 0.8 m, another robot, or a door leaf that swings."""
-    walls = list(ROOM)
     if kind == "door":
-        walls = [*box_walls(-5, -4, 5, 2), (-5, 4, 5, 4)]
-        walls[2:3] = [(5, 2, 1.0, 2), (0.0, 2, -5, 2)]
-        leaf = rectangle(0.9, 0.04) + np.array((0.45, 0.0))
-
-        def path(time: float) -> tuple[float, float, float]:
-            phase = (time - 3.0) % 12.0
-            angle = 0.5 * min(max(phase, 0.0), 3.0) - 0.5 * min(
-                max(phase - 6.0, 0.0), 3.0
-            )
-            return (0.05, 1.95, -angle if time > 3.0 else 0.0)
-
-        return Scene(walls, [], [Mover(path, leaf)], still_robot(0.0, -1.0, 1.57), 40.0)
+        return door()
     shape = rectangle(1.2, 0.8) if kind == "cart" else rectangle(0.6, 0.4)
-    movers = []
     ways = [((-4, 2.2), (4, 2.2), 0.8), ((4, -2), (-4, 1.8), 1.0)]
     ways += [((-2.2, -3), (-2.2, 3), 0.6), ((4, 1.5), (1.2, 0.2), 0.5)]
-    for k, (begin, end, speed) in enumerate(ways):
-        start = 3.0 + 14.0 * k
-        until = start + math.dist(begin, end) / speed
-        path = gone_after(walk_line(begin, end, speed, start), until, start)
-        movers.append(Mover(path, shape, start))
-    return Scene(walls, [], movers, still_robot(), 58.0)
+    movers = [passer(*way, 3.0 + 14.0 * k, shape) for k, way in enumerate(ways)]
+    return Scene(list(ROOM), [], movers, still_robot(), 58.0)
+
+
+def door() -> Scene:
+    """Return a door leaf of 0.9 m that swings by 86° about a hinge at (0.05, 1.95)."""
+    walls = [*box_walls(-5, -4, 5, 2), (-5, 4, 5, 4)]
+    walls[2:3] = [(5, 2, 1.0, 2), (0.0, 2, -5, 2)]
+
+    def path(time: float) -> tuple[float, float, float]:
+        phase = (time - 3.0) % 12.0 if time > 3.0 else 0.0
+        angle = 0.5 * max(min(phase, 3.0) - max(phase - 6.0, 0.0), 0.0)
+        return 0.05 + 0.45 * math.cos(angle), 1.95 - 0.45 * math.sin(angle), -angle
+
+    leaf = Mover(path, rectangle(0.9, 0.04))
+    return Scene(walls, [], [leaf], still_robot(0.0, -1.0, 1.57), 40.0)
 
 
 def spin(seed: int = 0) -> Scene:

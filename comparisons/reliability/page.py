@@ -24,7 +24,7 @@ def table(name: str) -> str:
     return written(heads, [[row[key] for key in heads] for row in rows], 1)
 
 
-NAMES = "calls", "exported", "source", "loops", "files", "sweeps"
+NAMES = "calls", "exported", "source", "loops", "files"
 TABLES: Mapping[str, Callable[[], str]] = {x: partial(table, x) for x in NAMES}
 
 if __name__ == "__main__":

@@ -9,10 +9,7 @@ fast.
 ``successes`` are scans with an unchanged twist, ``contacts`` scans with a return inside
 the footprint (of the data, not of the method). ``metric`` is the share unchanged of the
 others. ``nearer``: scans with a return nearer than r_min; ``changed_nearer``: those
-with a changed twist. ``relaxed`` to ``stopped`` count statuses. Times are of the
-processor. The log is replayed three times: ``us_worst`` is the slowest step,
-``us_worst_again`` the slowest in the best pass, in scan ``worst_scan`` with
-``worst_points`` returns within 1 m.
+with a changed twist. ``relaxed`` to ``stopped`` count statuses.
 
     python comparisons/studies/scan_replay.py --data PATH --out out/scan_replay
 """
@@ -20,7 +17,6 @@ processor. The log is replayed three times: ``us_worst`` is the slowest step,
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
-from time import thread_time_ns
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -42,15 +38,15 @@ from qpavoid.lab.worlds.source import find_file
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.types import Array, Pose
+from qpavoid.types import Pose
 
 Row: TypeAlias = dict[str, Any]
 
 LOG, FOLDERS = "freiburg-079-corrected.log.gz", ("carmen", "")
 METHODS = "qp,qp-ahead,eq5,eq7,vfh,dwa"
 RADII = (0.05, 0.1, 0.17)
-LASER, PASSES = -0.04, 3
-"""Position of the laser ahead of the axle, m; number of replays."""
+LASER = -0.04
+"""Position of the laser ahead of the axle, m."""
 
 STATUSES = ("relaxed", "braking", "holding", "stopped")
 
@@ -97,67 +93,26 @@ def make_moments(scans: Sequence[Scan]) -> list[Moment]:
     return moments
 
 
-def replay(
-    name: str, radius: float, moments: Sequence[Moment], dt: float
-) -> tuple[list[Row], Array]:
-    """Return a row per scan, and the time of each step in each pass, (PASSES, n) µs.
-
-    Args:
-        name: Of the method.
-        radius: r_min, m.
-        moments: Scans and desired twists.
-        dt: Control step, s.
-    """
+def replay(name: str, radius: float, moments: Sequence[Moment], dt: float) -> Row:
+    """Return the line of a method and of an r_min, m, with control steps of dt, s."""
     settings = AvoidanceSettings(radius=SafetyRadius(radius, radius), dt=dt)
-    method = make_controller(name, PIONEER, settings)
-    times, rows = np.empty((PASSES, len(moments))), list[Row]()
-    method.start()(0.0, 0.0, moments[0].seen)  # compiles
-    for k in range(PASSES):
-        step, rows = method.start(), []
-        for i, (_, v, omega, _, seen, touched) in enumerate(moments):
-            started = thread_time_ns()
-            decision = step(v, omega, seen)
-            times[k, i] = 1e-3 * (thread_time_ns() - started)
-            rows.append(
-                {
-                    "method": name,
-                    "setting": f"r_min {radius:g} m",
-                    "r_min_m": radius,
-                    "changed": differs((v, omega), (decision.v, decision.omega)),
-                    "status": str(decision.status),
-                    "clearance_m": decision.clearance,
-                    "touched": touched,
-                }
-            )
-    return rows, times
-
-
-def table_row(rows: Sequence[Row], times: Array, moments: Sequence[Moment]) -> Row:
-    """Return the line of one method and setting."""
-    changed = np.array([row["changed"] for row in rows])
-    clear = ~np.array([row["touched"] for row in rows])
-    nearer = np.array([row["clearance_m"] < row["r_min_m"] for row in rows])
-    again = times.min(axis=0)
-    worst = int(again.argmax())
-    near = np.hypot(*moments[worst].seen.points.T) < 1.0
-    words = [row["status"] for row in rows]
+    step = make_controller(name, PIONEER, settings).start()
+    decisions = [step(one.v, one.omega, one.seen) for one in moments]
+    both = list(zip(moments, decisions, strict=True))
+    changed = np.array([differs((x.v, x.omega), (y.v, y.omega)) for x, y in both])
+    clear = ~np.array([one.touched for one in moments])
+    nearer = np.array([one.clearance < radius for one in decisions])
+    words = [str(one.status) for one in decisions]
     return {
-        "method": rows[0]["method"],
-        "runs": len(rows),
+        "method": name,
+        "runs": len(moments),
         "successes": int((~changed).sum()),
         "contacts": int((~clear).sum()),
         "metric": round(float((~changed)[clear].mean()), 4),
-        "setting": rows[0]["setting"],
+        "setting": f"r_min {radius:g} m",
         "nearer": int(nearer.sum()),
         "changed_nearer": int((changed & nearer).sum()),
         **{word: words.count(word) for word in STATUSES},
-        "us_median": round(float(np.median(times)), 1),
-        "us_p99": round(float(np.percentile(times, 99)), 1),
-        "us_worst": round(float(times.max()), 1),
-        "us_worst_again": round(float(again.max()), 1),
-        "worst_scan": worst,
-        "worst_status": words[worst],
-        "worst_points": int(near.sum()),
     }
 
 
@@ -179,7 +134,7 @@ def main() -> None:
     print(f"{len(moments)} scans, {sum(m.cut for m in moments)} twists limited")
     for name in names:
         for radius in RADII:
-            table.append(table_row(*replay(name, radius, moments, dt), moments))
+            table.append(replay(name, radius, moments, dt))
             print(*(f"{k}={v}" for k, v in table[-1].items()))
     write_csv(options.out / "scan_replay.csv", table)
 

@@ -1,7 +1,1 @@
-"""Computing times of solvers and control steps, beside those of other software.
-
-python comparisons/timing/solvers.py       # QP solvers on recorded problems
-python comparisons/timing/steps.py         # whole control steps
-python comparisons/timing/cold_start.py    # fresh processes
-python comparisons/timing/ros_wire.py      # the ROS 2 node
-"""
+"""Computing times of solvers and control steps, beside those of other software."""

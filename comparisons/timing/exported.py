@@ -29,7 +29,6 @@ ANSWER = np.dtype(
 )
 """A decision in C, and its time."""
 
-
 COUNTED = ("points", "discs", "walls", "polygons")
 """Obstacles with a number below their capacity."""
 

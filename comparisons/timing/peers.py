@@ -1,4 +1,4 @@
-"""Peers of the timing study: solvers by their own interfaces, cvxpy and cbfpy.
+"""Peers of the timing study: solvers by their own interfaces, and cbfpy.
 
 Each is a back end like those of :mod:`qpavoid.qp.solve`: a function from a
 :class:`ScaledProblem` to z, or NaN where it claims no answer.
@@ -13,7 +13,6 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix
 
 from qpavoid.qp.problem import ScaledProblem
 from qpavoid.types import Array
@@ -111,68 +110,6 @@ class Piqp(Workspace):
         return self._solver.result.x if status == self._package.PIQP_SOLVED else None
 
 
-class Proxqp(Workspace):
-    """ProxQP by its dense interface and update, warm-started."""
-
-    module = "proxsuite"
-
-    def _set_up(self, problem: ScaledProblem) -> None:
-        m, n = problem.normals.shape
-        self._high = np.full(m, 1e20)
-        self._proxqp = self._package.proxqp
-        self._qp = self._proxqp.dense.QP(n, 0, m, True)
-        for name, value in self.settings.items():
-            setattr(self._qp.settings, name, value)
-        rows = None, None, problem.normals, problem.offsets, self._high
-        self._qp.init(np.eye(n), -problem.target, *rows, problem.lower, problem.upper)
-        guess = self._proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
-        self._qp.settings.initial_guess = guess
-
-    def _solve(self, problem: ScaledProblem) -> Array | None:
-        self._qp.update(
-            g=-problem.target,
-            C=problem.normals,
-            l=problem.offsets,
-            u=self._high,
-            l_box=problem.lower,
-            u_box=problem.upper,
-        )
-        self._qp.solve()
-        solved = self._proxqp.QPSolverOutput.PROXQP_SOLVED
-        results = self._qp.results
-        return results.x if results.info.status == solved else None
-
-
-class Clarabel(Workspace):
-    """Clarabel by update; without presolve, which forbids it."""
-
-    module = "clarabel"
-
-    def _set_up(self, problem: ScaledProblem) -> None:
-        m, n = problem.normals.shape
-        size = m + 2 * n
-        self._columns = np.hstack([-problem.normals.T, np.eye(n), -np.eye(n)])
-        self._high = np.empty(size)
-        settings = self._package.DefaultSettings()
-        for name, value in self.settings.items():
-            setattr(settings, name, value)
-        entries = np.ones(n * size), np.tile(np.arange(size), n)
-        matrix = csc_matrix((*entries, np.arange(n + 1) * size), (size, n))
-        cones = [self._package.NonnegativeConeT(size)]
-        data = csc_matrix(np.eye(n)), -problem.target, matrix, np.ones(size), cones
-        self._solver = self._package.DefaultSolver(*data, settings)
-
-    def _solve(self, problem: ScaledProblem) -> Array | None:
-        m, n = problem.normals.shape
-        np.negative(problem.normals.T, out=self._columns[:, :m])
-        np.negative(problem.offsets, out=self._high[:m])
-        self._high[m : m + n] = problem.upper
-        np.negative(problem.lower, out=self._high[m + n :])
-        self._solver.update(q=-problem.target, A=self._columns.ravel(), b=self._high)
-        found = self._solver.solve()
-        return found.x if found.status == self._package.SolverStatus.Solved else None
-
-
 class Quadprog(Workspace):
     """quadprog, a function without a workspace; GPL, hence optional."""
 
@@ -191,31 +128,8 @@ class Quadprog(Workspace):
         return z
 
 
-class Cvxpy(Workspace):
-    """cvxpy, with all data as parameters (DPP)."""
-
-    module = "cvxpy"
-
-    def _set_up(self, problem: ScaledProblem) -> None:
-        cp = self._package
-        names = "target", "normals", "offsets", "lower", "upper"
-        self._data = {n: cp.Parameter(getattr(problem, n).shape) for n in names}
-        target, normals, offsets, lower, upper = self._data.values()
-        self._z = cp.Variable(target.shape)
-        cost = 0.5 * cp.sum_squares(self._z - target)
-        rows = [normals @ self._z >= offsets, self._z >= lower, self._z <= upper]
-        self._problem = cp.Problem(cp.Minimize(cost), rows)
-
-    def _solve(self, problem: ScaledProblem) -> Array | None:
-        for name, parameter in self._data.items():
-            parameter.value = getattr(problem, name)
-        self._problem.solve(warm_start=True, **self.settings)
-        solved = self._problem.status == "optimal"
-        return self._z.value if solved else None
-
-
 CBFPY: Mapping[str, Any] = {"backend": "elastiqp", "solver_tol": 1e-8}
-"""Settings of its faster back end."""
+"""Settings of the faster of its two back ends."""
 
 
 def prepare(solver: str) -> None:

@@ -1,9 +1,9 @@
 """Computing time of whole control steps by the number of points of a scan.
 
 The steps go from numpy points to the twist: our one-step and look-ahead filters, the
-one-step filter with other back ends, the paper's laws, the exported C, and the same
-rows written with numpy and a solver. Also: a step of the guide in four worlds, and a
-million calls of the one-step filter: the slowest call and the growth of memory.
+one-step filter with other back ends, the exported C, and the same rows written with
+numpy and a solver. Also: a million calls of the one-step filter, the slowest call and
+the growth of memory.
 
     python comparisons/timing/steps.py --out out/steps
 """
@@ -25,10 +25,6 @@ from qpavoid.avoidance.decision import Decision, Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import QPAvoidError
-from qpavoid.guide.guide import Guide
-from qpavoid.lab.simulation.methods import make_controller
-from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.qp.problem import ScaledProblem
 from qpavoid.qp.solve import BackEnd
@@ -51,8 +47,6 @@ from timing.trials import (
 
 POINTS = (1, 10, 100, 1000, 10_000)
 OURS, AHEAD, EXPORTED = "qpavoid", "qpavoid, ahead", "exported C"
-LAWS = "eq5", "eq7"
-"""The paper's closed-form laws."""
 
 
 def one_step() -> SafetyFilter:
@@ -131,11 +125,6 @@ def _numpy(points: int, solver: str) -> Contender:
     return Contender(NumpyStep(CONTENDERS[solver].load()), np.asarray)
 
 
-def _law(points: int, name: str) -> Contender:
-    step = make_controller(name, Robot.mir100(), AvoidanceSettings()).start()
-    return Contender(lambda scan: step(scan[0], scan[1], Obstacles(scan[2])), _twist)
-
-
 STEPS: Mapping[str, Callable[[int], Contender]] = {
     OURS: _ours,
     AHEAD: partial(_ours, ahead=True),
@@ -144,7 +133,6 @@ STEPS: Mapping[str, Callable[[int], Contender]] = {
         for name in ("osqp", "casadi:daqp", "qpsolvers:daqp")
     },
     **{f"numpy + {name}": partial(_numpy, solver=name) for name in ("osqp", "daqp")},
-    **{name: partial(_law, name=name) for name in LAWS},
 }
 """Control steps by name, for a number of points."""
 
@@ -180,8 +168,8 @@ def time_steps(
 
     Returns:
         ``step``, ``points``, ``rows`` (median number that can matter), then
-        :func:`timing.trials.judge`'s columns. The look-ahead filter and the laws
-        have other answers, so that their errors are left out.
+        :func:`timing.trials.judge`'s columns. The look-ahead filter has
+        other answers, so that its errors are left out.
     """
     table: list[Row] = []
     for points in sizes:
@@ -195,7 +183,7 @@ def time_steps(
         safety = one_step()
         rows = np.median([len(safety.problem(*case.question).b) for case in cases])
         for name, row in race(contenders, cases, plan, plan.calls).items():
-            if name in (AHEAD, *LAWS):
+            if name == AHEAD:
                 faults = "wrong", "false_ok", "false_infeasible"
                 row |= dict.fromkeys((*faults, "error_p99", "worst_error"))
             start: Row = {"step": name, "points": points, "rows": float(rows)}
@@ -273,79 +261,6 @@ def endure(points: int, calls: int, scans: int = 100) -> Row:
     }
 
 
-TRAP = np.array(
-    [(4.5, -1.0, 4.5, 1.0), (2.5, 1.0, 4.5, 1.0), (2.5, -1.0, 4.5, -1.0)],
-)
-GOAL = 9.0, 0.0, 0.0
-
-
-def empty(time: float) -> Obstacles:
-    """Return nothing."""
-    return Obstacles()
-
-
-def trap(time: float) -> Obstacles:
-    """Return a dead end, which must be left backwards: ways are searched."""
-    return Obstacles(walls=TRAP)
-
-
-def scan(time: float) -> Obstacles:
-    """Return the same as some 300 points."""
-    along = np.linspace(0.0, 1.0, 100)[:, None]
-    points = [wall[:2] + along * (wall[2:] - wall[:2]) for wall in TRAP]
-    return Obstacles(np.vstack(points))
-
-
-def people(time: float) -> Obstacles:
-    """Return ten discs that cross the way."""
-    k = np.arange(10.0)
-    velocities = np.column_stack([-0.3 + 0.03 * k, 0.4 * (-1.0) ** k])
-    places = np.column_stack([1.5 + k, -0.4 * (k + 2.0) * (-1.0) ** k])
-    discs = np.column_stack([places + time * velocities, np.full(10, 0.25)])
-    return Obstacles(discs=discs, disc_velocities=velocities)
-
-
-WORLDS = {"nothing": empty, "dead end": trap, "300 points": scan, "10 people": people}
-
-
-def time_guide(seconds: float, rounds: int) -> list[Row]:
-    """Return a row a world: quantiles and maximum of a step, µs, in a closed loop.
-
-    Args:
-        seconds: Of each run.
-        rounds: How often each is driven; the first one warms up.
-    """
-    rows = []
-    for name, world in WORLDS.items():
-        times = np.concatenate([drive(world, seconds) for _ in range(rounds + 1)][1:])
-        rows.append(
-            {
-                "world": name,
-                "steps": len(times),
-                "median_us": quantile(times, 0.5),
-                "p99_us": quantile(times, 0.99),
-                "max_us": float(times.max()),
-            }
-        )
-    return rows
-
-
-def drive(world: Callable[[float], Obstacles], seconds: float) -> Array:
-    """Return the time, µs, of each step of a run to the goal."""
-    guide, pose = Guide(Robot.mir100()), (0.0, 0.0, 0.0)
-    dt = guide.settings.dt
-    times = np.zeros(round(seconds / dt))
-    guide.go_to(pose, GOAL)
-    with undisturbed():
-        for i in range(len(times)):
-            seen = world(i * dt).seen_from(pose)
-            started = perf_counter_ns()
-            decision = guide.step(pose, seen)
-            times[i] = 1e-3 * (perf_counter_ns() - started)
-            pose = arc(*pose, decision.v, decision.omega, dt)
-    return times
-
-
 ENDURANCE = {
     "points": "points",
     "rows": "rows ≤",
@@ -358,13 +273,6 @@ ENDURANCE = {
     "switches": "processor taken away",
     "growth_mb": "growth of memory, MB",
 }
-GUIDE = {
-    "world": "world of a guide",
-    "steps": "steps",
-    "median_us": "median µs",
-    "p99_us": "p99",
-    "max_us": "max",
-}
 
 
 def main() -> None:
@@ -375,12 +283,11 @@ def main() -> None:
     plan = QUICK if options.quick else FULL
     steps = time_steps(POINTS, plan=plan, progress=print)
     steps += time_exported(POINTS, steps[0], plan)
-    guide = time_guide(*((2.0, 1) if options.quick else (30.0, 3)))
     long_run = [endure(100, 10_000 if options.quick else 1_000_000)]
-    tables = {"steps": steps, "guide": guide, "endurance": long_run}
+    tables = {"steps": steps, "endurance": long_run}
     write_tables(options.out, tables, origins(asdict(plan)))
     print(pivot(steps, "step", "points", "numpy + daqp"))
-    print(table_text(GUIDE, guide), table_text(ENDURANCE, long_run), sep="\n")
+    print(table_text(ENDURANCE, long_run))
 
 
 if __name__ == "__main__":

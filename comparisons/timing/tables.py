@@ -13,7 +13,7 @@ from timing.trials import Row, Value
 TEXTS = "solver step world start controller error scene what unit".split()
 """Columns of words; all others have numbers."""
 
-PEERS = "piqp proxsuite clarabel highspy scs quadprog cvxpy cbfpy elastiqp qpax jax"
+PEERS = "piqp proxsuite clarabel highspy scs quadprog cbfpy elastiqp jax"
 
 FAULTS = {
     "wrong": "wrong",

@@ -71,7 +71,6 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
     "run": (
         runs.run,
         *(CONFIG, option(*ONE, "qp-ahead+guide", type=runs.one_name)),
-        option("--animate FILE", "write a .gif too"),
         *(BACKEND, OUT, FIGURES, DATA, TRUST, JSON),
     ),
     "list": (
@@ -132,8 +131,8 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
     ),
     "report": (
         studies.report,
-        option("RESULTS", "folder of sweep, compare or run", type=Path),
-        option("--out FILE", "the page", Path("report.html")),
+        option("RESULTS", "folder of sweep", type=Path),
+        option("--out FILE", "the report", Path("report.md")),
     ),
     "play": (
         studies.play,

@@ -16,7 +16,6 @@ from qpavoid.errors import (
 )
 
 if TYPE_CHECKING:
-    from qpavoid.lab.simulation.log import Log
     from qpavoid.model.robot import Robot
 
 PAPER = ("paper/test_case_1", "paper/test_case_2")
@@ -49,21 +48,11 @@ def compare(options: Namespace) -> None:
 
 def run(options: Namespace) -> None:
     """Run one controller on one scenario."""
-    if options.animate:
-        from qpavoid.lab.study.animation import animate, film_path
-
-        with told_by("--animate", InvalidInputError):
-            film_path(options.animate)
-    logs = _simulate([options.config], [options.controller], options)
-    if options.animate:
-        with make_console().status("drawing the animation"):
-            animate(logs, options.animate)
+    _simulate([options.config], [options.controller], options)
 
 
-def _simulate(
-    configs: Sequence[str], names: Sequence[str], options: Namespace
-) -> "list[Log]":
-    """Check everything, then run, save, print and draw; return the logs."""
+def _simulate(configs: Sequence[str], names: Sequence[str], options: Namespace) -> None:
+    """Check everything, then run, save, print and draw."""
     from qpavoid.lab.simulation.scenario import load_scenario
     from qpavoid.lab.study.compare import compare, table
     from qpavoid.lab.study.plots import save_figures
@@ -87,7 +76,6 @@ def _simulate(
         save_figures(same, options.out, options.figures)
     where = f"Figures, tables and logs are in {options.out}"
     give(options, summary, lambda: console.print(where, soft_wrap=True))
-    return logs
 
 
 FORMATS = ("png", "svg", "pdf")

@@ -51,7 +51,7 @@ def sweep(options: Namespace) -> int:
 
 
 def report(options: Namespace) -> None:
-    """Write one HTML page of a sweep, or of what compare and run left."""
+    """Write the rankings and failures of a sweep as Markdown, with figures."""
     from qpavoid.lab.study.report import write_report
 
     print(write_report(options.results, options.out))

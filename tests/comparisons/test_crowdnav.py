@@ -5,8 +5,6 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from qpavoid.errors import ConfigError
 
@@ -78,49 +76,20 @@ def test_a_lone_disc_wants_its_speed_and_slows_down_in_the_last_metre():
         assert found == pytest.approx(goal / away * speed, abs=1e-6)
 
 
-coordinate = st.floats(-2.0, 2.0)
-vector = st.tuples(coordinate, coordinate).map(np.array)
-
-
-@given(st.lists(st.tuples(vector, vector, vector), min_size=1, max_size=4), vector)
-def test_distances_are_those_of_many_moments(people, end):
-    """Of the discs as they really move, and as the original reckons that they do."""
-    crowd = world.People(np.zeros((len(people), 2)), np.zeros((len(people), 2)))
-    crowd.places, crowd.before, crowd.velocities = map(
-        np.array, zip(*people, strict=True)
-    )
-    way = np.array([[0.0, 0.0], 0.2 * end, end])
-    shares = np.linspace(0.0, 1.0, 2001)[:, None]
-    straight = shares * end
-    bent = np.where(shares < 0.5, 2 * shares * way[1], way[1])
-    bent = bent + np.clip(2 * shares - 1, 0.0, 1.0) * (way[2] - way[1])
-
-    def sampled(moves, path):
-        return min(
-            np.linalg.norm(place + 0.25 * shares * move - path, axis=1).min() - 0.6
-            for place, move in zip(crowd.places, moves, strict=True)
-        )
-
-    true, tick = world.true_gap(crowd, way), world.judge_tick(crowd, way[0], end)
-    assert true == pytest.approx(sampled(crowd.velocities, bent), abs=2e-3)
-    assert tick.gap == pytest.approx(sampled(crowd.before, straight), abs=2e-3)
-    assert (tick.event == "touched") == (tick.gap < 0.0)
-
-
 @pytest.mark.parametrize(
     ("place", "before", "end", "event"),
     [
         ((0.0, 4.7), (0.0, 0.0), (0.0, 4.15), "touched"),
         ((0.0, 4.7), (0.0, 4.0), (0.0, 4.15), "arrived"),
         ((0.0, 4.9), (0.0, 0.0), (0.0, 4.15), "arrived"),
-        ((0.7, 3.5), (0.0, 0.0), (0.0, 3.65), "near"),
+        ((0.9, 4.0), (-8.0, 0.0), (0.0, 3.9), "touched"),
         ((0.9, 3.5), (0.0, 0.0), (0.0, 3.69), ""),
     ],
 )
 def test_a_tick_is_judged_by_the_velocities_before(place, before, end, event):
     people = world.People(np.array([place]), np.array([place]))
     people.before = np.array([before])
-    assert world.judge_tick(people, np.array([0.0, 3.9]), np.array(end)).event == event
+    assert world.judge_tick(people, np.array([0.0, 3.9]), np.array(end)) == event
 
 
 def test_a_robot_sees_velocities_when_they_have_been_driven():
@@ -159,29 +128,20 @@ def read(path):
         return list(csv.DictReader(file))
 
 
-def where(row):
-    return row["method"], row["setting"]
-
-
 def test_two_cases(tmp_path, monkeypatch, capsys):
     options = ["--phase", "val", "--seed", "3", "--count", "2", "--people", "2,4"]
     options += ["--methods", "alone,qp-ahead"]
     study(monkeypatch, *options, "--out", str(tmp_path))
-    table, runs = read(tmp_path / "table.csv"), read(tmp_path / "runs.csv")
+    runs = read(tmp_path / "runs.csv")
     assert [row["seed"] for row in runs] == ["3", "4"] * 4
-    assert table[0]["setting"] == "2 people"
-    assert [line["method"] for line in table] == ["alone", "qp-ahead"] * 2
-    for line in table:
-        own = [x for x in runs if (x["method"], x["setting"]) == where(line)]
-        share = sum(x["success"] == "True" for x in own) / 2
-        assert float(line["success"]) == share
-        assert float(line["success_low"]) <= share <= float(line["success_high"])
+    assert runs[0]["setting"] == "2 people"
+    assert [row["method"] for row in runs[::2]] == ["alone", "qp-ahead"] * 2
     for row in runs:
         assert (row["success"] == "True") == (row["outcome"] == "arrived")
         assert (row["contact"] == "True") == (row["outcome"] == "touched")
         if row["success"] == "True":
             assert 7.0 < float(row["arrived_s"]) <= 24.0
-    assert "method=qp-ahead setting=2 people" in capsys.readouterr().out
+    assert "qp-ahead, 2 people: {" in capsys.readouterr().out
 
 
 def test_a_run_that_fails_is_a_row_and_the_exit_status(tmp_path, monkeypatch, capsys):
@@ -196,10 +156,9 @@ def test_a_run_that_fails_is_a_row_and_the_exit_status(tmp_path, monkeypatch, ca
     options = ["--phase", "val", "--seed", "3", "--count", "2", "--people", "2"]
     with pytest.raises(SystemExit, match="1"):
         study(monkeypatch, *options, "--methods", "alone", "--out", str(tmp_path))
-    (line,), runs = read(tmp_path / "table.csv"), read(tmp_path / "runs.csv")
+    runs = read(tmp_path / "runs.csv")
     assert [row["error"] for row in runs] == ["", "ConfigError: no room"]
-    assert runs[1]["outcome"] == "failed" and runs[1]["metric_least"] == ""
-    assert (line["runs"], line["failed"]) == ("2", "1")
+    assert runs[1]["outcome"] == "failed" and runs[1]["min_room_m"] == ""
     assert "1 of 2 runs failed" in capsys.readouterr().err
 
 

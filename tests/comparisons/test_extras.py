@@ -8,7 +8,7 @@ import pytest
 from places import COMPARISONS
 
 EXTRAS = """pyarrow pyrvo tcod mujoco rosbags gymnasium piqp proxsuite clarabel highspy
-cvxpy cbfpy elastiqp pink mink pinocchio IPython"""
+cbfpy elastiqp pink mink pinocchio IPython"""
 
 RUN = """
 import runpy, sys
@@ -20,7 +20,6 @@ sys.meta_path.insert(0, Lacking())
 sys.argv = sys.argv[1:]
 runpy.run_path(sys.argv[0], run_name="__main__")
 """
-
 
 WANTING = {
     "slippery_floor.py": "mujoco",

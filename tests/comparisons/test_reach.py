@@ -1,7 +1,6 @@
-"""Data of others in the studies: lawful but odd worlds and maps, methods that fail."""
+"""Data of others in the studies: lawful but odd worlds and maps."""
 
 import math
-import sys
 
 import numpy as np
 import pytest
@@ -11,9 +10,7 @@ from qpavoid.lab.simulation.world import ABSENT, Track
 from qpavoid.lab.worlds import barn, map_server
 
 pytest.importorskip("pyarrow", reason="needs qpavoid[study]")
-from qpavoid.lab.study.sweep.job import run_job
-from qpavoid.lab.study.sweep.sources import scenario_file
-from qpavoid.lab.study.sweep.study import Study, own_stamp
+from qpavoid.lab.study.sweep.study import own_stamp
 
 CYLINDER = (
     "<model name='{name}'><pose>{pose}</pose><link name='link'>{link}<collision>{inner}"
@@ -31,19 +28,6 @@ def world(folder, *models):
     path = folder / "world_0.world"
     path.write_text(f"<sdf><world>{''.join(models)}</world></sdf>")
     return path
-
-
-@pytest.fixture
-def own(tmp_path, monkeypatch):
-    """Methods of one's own that break in every way."""
-    (tmp_path / "breaks_r.py").write_text(
-        "def kind(v, omega, obstacles, context):\n    raise TypeError('no')\n"
-        "def quits(v, omega, obstacles, context):\n    raise SystemExit(0)\n"
-        "def fails(v, omega, obstacles, context):\n    assert False, 'never'\n"
-    )
-    monkeypatch.syspath_prepend(tmp_path)
-    yield tmp_path
-    sys.modules.pop("breaks_r", None)
 
 
 def test_a_world_is_planes_and_upright_cylinders(tmp_path):
@@ -189,23 +173,3 @@ def test_a_large_map_has_tasks(tmp_path):
     (tmp_path / "m.yaml").write_text(text)
     document = Maps("m", str(tmp_path)).sample(0)
     assert all(0.0 < x < 120.0 and 0.0 < y < 100.0 for x, y in everything(document))
-
-
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        ("kind", "TypeError: no"),
-        ("quits", "SystemExit: 0"),
-        ("fails", "AssertionError: never"),
-    ],
-)
-def test_whatever_a_method_raises_is_a_failed_run(own, name, said):
-    source = scenario_file("paper/test_case_2")
-    method = [(f"breaks_r:{name}", "exact")]
-    study = Study(
-        "t", "", method, [(source, [None])], [{"duration_s": 1.0}], "none", None
-    )
-    (job,) = study.jobs()
-    row, log = run_job(job)
-    assert (row["outcome"], row["success"], log) == ("failed", False, None)
-    assert row["error"].startswith(said)

@@ -11,7 +11,7 @@ for module, extra in (("pyarrow", "study"), ("rosbags", "bags")):
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.validation import MOST_ROWS, as_polygons, as_rows
-from reliability import damage, exported, killed, loops, page
+from reliability import damage, exported, loops, page
 from reliability.calls import study
 from reliability.data import rows_of
 
@@ -101,14 +101,6 @@ def test_an_error_of_a_reader_is_found(monkeypatch):
     found = damage.fuzz("careless", 30)
     assert found["foreign"] > 0 and found["read"] + found["foreign"] == 30
     assert any("Error" in error for error in found["what"])
-
-
-@pytest.mark.slow
-def test_a_killed_sweep_leaves_nothing_half_done(tmp_path):
-    row = killed.killed(tmp_path, 1)
-    names = "processes left", "files left", "rows that differ", "exit status"
-    assert [row[name] for name in names] == [0, 0, 0, 0]
-    assert killed.unnoticed(tmp_path / "out", 20) == (20, 0)
 
 
 def test_more_rows_than_can_be_answered_in_time_are_refused_uncopied():

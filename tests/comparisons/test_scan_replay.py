@@ -70,21 +70,9 @@ def test_changed_and_touched_scans_are_counted(log, tmp_path, monkeypatch, capsy
     moments = scan_replay.make_moments(list(read_scans(log / scan_replay.LOG)))
     assert [one.touched for one in moments] == [False, False, True, False, False]
     assert (moments[3].v, moments[3].cut) == (1.6, True)
-    rows, times = scan_replay.replay("qp", 0.1, moments, 0.25)
-    assert [row["changed"] for row in rows[:2]] == [False, True]
-    assert rows[1]["clearance_m"] == pytest.approx(0.35 - 0.04 - 0.235)
-    assert times.shape == (scan_replay.PASSES, 5)
-
-
-@pytest.mark.parametrize("data", [True, False])
-def test_an_absent_log_is_said(tmp_path, monkeypatch, capsys, data):
-    monkeypatch.delenv("QPAVOID_DATA", raising=False)
-    option = ["--data", str(tmp_path)] if data else []
-    monkeypatch.setattr(sys, "argv", ["scan_replay.py", *option])
-    with pytest.raises(SystemExit):
-        scan_replay.main()
-    said = capsys.readouterr().err
-    assert scan_replay.LOG in said if data else "--data" in said
+    for radius, nearer in ((0.07, 0), (0.08, 1)):  # 0.35 - 0.04 - 0.235 m away
+        row = scan_replay.replay("qp", radius, moments[:2], 0.25)
+        assert row["nearer"] == nearer and row["successes"] == 1
 
 
 def test_the_drive_is_that_of_the_rows(data_folder):

@@ -2,17 +2,15 @@
 
 import json
 import math
-import stat
 from collections import Counter
 
 import numpy as np
 import pytest
 
 from oracles import large_answer
-from qpavoid.errors import QPAvoidError
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.qp.solve import load_back_end
-from timing import cold_start, ros_wire, solvers, steps
+from timing import solvers, steps
 from timing.loops import scan
 from timing.recorded import CLEAR, as_problem, polished, record_problems
 from timing.trials import (
@@ -162,28 +160,10 @@ def test_the_study_of_solvers(tmp_path, monkeypatch):
 def test_a_step_is_that_of_the_filter(name):
     (row,) = steps.time_steps([30], {name: steps.STEPS[name]}, TINY)
     assert (row["step"], row["points"]) == (name, 30) and row["calls"] >= 1
-    if name in (steps.AHEAD, *steps.LAWS):
+    if name == steps.AHEAD:
         assert row["wrong"] is None and row["worst_error"] is None
     else:
         assert row["wrong"] == row["false_infeasible"] == 0
-
-
-def test_numpy_writes_the_rows_of_the_filter():
-    step, safety = steps.NumpyStep(np.zeros), steps.one_step()
-    for case in steps.step_cases(100, 10):
-        A, b = step.rows(case.question.points)
-        problem = safety.problem(*case.question)
-        np.testing.assert_allclose(A, problem.A, atol=1e-12)
-        np.testing.assert_allclose(b, problem.b, atol=1e-12)
-
-
-@pytest.mark.long
-def test_a_guide_is_timed_in_every_world():
-    found = steps.time_guide(1.0, 2)
-    assert [row["world"] for row in found] == list(steps.WORLDS)
-    for row in found:
-        assert row["steps"] == 2 * round(1.0 / 0.02)
-        assert 0.0 < row["median_us"] <= row["p99_us"] <= row["max_us"]
 
 
 def test_memory_does_not_grow():
@@ -192,37 +172,3 @@ def test_memory_does_not_grow():
     assert row["median_us"] <= row["p99_us"] <= row["p9999_us"] <= row["max_us"]
     assert row["row_evaluations"] == steps.row_evaluations(row["rows"])
     assert steps.row_evaluations(0) == 22
-
-
-# ------------------------------------------------------------------ the other studies
-def test_cold_starts_tell_what_failed(monkeypatch):
-    broken = "broken", ("-c", "raise SystemExit('it broke')")
-    monkeypatch.setattr(cold_start, "STARTS", (("nothing", ("-c", "")), broken))
-    nothing, failed = cold_start.cold_starts()
-    assert nothing["seconds"] > 0 and nothing["error"] == ""
-    assert (failed["seconds"], failed["error"]) == (None, "it broke")
-
-
-def program(path, text):
-    path.write_text(f"#!/bin/sh\n{text}\n")
-    path.chmod(path.stat().st_mode | stat.S_IXUSR)
-    return path
-
-
-def test_values_of_the_node_have_units(tmp_path):
-    values = {
-        "ready": 3.0,
-        "latency": {"n": 9, "p50": 0.0012, "p99": 0.02, "false_stops": 0.01},
-        "kill": {"stops": 0.196, "hold": 1.0, "said": ["scan: stale."]},
-    }
-    python = program(tmp_path / "python", f"echo '{json.dumps(values)}'")
-    found = ros_wire.rows_of(ros_wire.played(python, ["latency"]))
-    rows = {(r["scene"], r["what"]): r for r in found}
-    assert len(rows) == 5
-    assert (rows["latency", "p99"]["value"], rows["latency", "p99"]["unit"]) == (
-        *(20.0, "ms"),
-    )
-    assert rows["kill", "stops"]["nav2"] == 600.0
-    assert rows["kill", "hold"]["value"] == 100.0
-    with pytest.raises(QPAvoidError, match="ended with 3"):
-        ros_wire.played(program(tmp_path / "python", "exit 3"), [])

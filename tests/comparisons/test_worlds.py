@@ -2,7 +2,6 @@
 
 import json
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +12,7 @@ worlds = pytest.importorskip("worlds", reason="needs qpavoid[study]")
 
 from qpavoid.errors import DataError
 from qpavoid.lab.simulation.scenario import make_scenario
-from qpavoid.lab.study.sweep.study import read_study
-from qpavoid.lab.worlds.dynabarn import Cylinder, DynaBarn, DynaBarnWorld, find_worlds
+from qpavoid.lab.worlds.dynabarn import DynaBarn, find_worlds
 from walkers import walker
 
 SMALL = {
@@ -54,47 +52,6 @@ def test_a_phase_shifts_the_clock_by_thirds_to_the_first_jump(data):
         )  # 4 s after the jump, on the way back
         np.testing.assert_allclose(later.discs[0, :2], [1.0, -1.0], atol=1e-12)
         assert scene.path.sample(np.array([99.0]))[0, :2] == pytest.approx((-1.0, 0.0))
-
-
-def test_an_episode_may_end_at_the_jump(data):
-    source = DynaBarn("end", 1.0, data)
-    assert source.sample(2)["duration_s"] == pytest.approx(4.0)
-    assert source.identity(None) != DynaBarn("reverse", 1.0, data).identity(None)
-
-
-def test_a_study_file_takes_its_worlds(data, tmp_path):
-    file = tmp_path / "study.toml"
-    file.write_text(
-        'title = "t"\ncontrollers = ["qp"]\nseeds = "0:2"\n'
-        '[[generators]]\nkind = "dynabarn"\njumps = "end"\n'
-    )
-    study = read_study(file, data)
-    assert len(study) == 2
-    assert study.sources[0][0] == DynaBarn("end", 1.0, data)
-
-
-def gate(width, opens=None, radius=0.5):
-    """A row of cylinders across the way with a gap; one may leave it at a time."""
-    ys = 0.5 * width + radius + 0.7 * np.arange(20)
-    still = np.array([0.0, 1000.0])
-    row = [Cylinder(still, np.array([[1.0, y]] * 2), math.inf) for y in (*ys, *(-ys))]
-    if opens is not None:
-        times = np.array([0.0, opens, opens + 3.5, 1000.0])
-        places = np.array([[1.0, 0.0], [1.0, 0.0], [-6.0, 0.0], [-6.0, 0.0]])
-        row.append(Cylinder(times, places, math.inf))
-    walls = np.empty((0, 4))
-    return DynaBarnWorld(
-        tuple(row), radius, walls, (4.0, 0.0, 3.14), (-2.0, 0.0), 1.0, 40.0
-    )
-
-
-@pytest.mark.parametrize(
-    ("width", "opens", "impossible"),
-    [(0.2, None, True), (0.9, None, False), (1.2, 8.0, False), (1.2, 39.5, True)],
-)
-def test_a_gate_that_is_too_narrow_or_opens_too_late(width, opens, impossible):
-    """The Jackal is 0.43 m wide."""
-    assert worlds.is_impossible(gate(width, opens), 0.0, 1.0) == impossible
 
 
 def test_absent_data_is_said(tmp_path, monkeypatch):
@@ -148,15 +105,3 @@ def test_own_clearance_is_that_of_a_fine_look():
 def test_humans_touch_each_other(data_folder, scene, count):
     tasks = worlds.Crowd(scene, str(data_folder)).tasks
     assert sum(worlds.own_clearance(task) < 0.0 for task in tasks) == count
-
-
-def test_the_script(data, monkeypatch, capsys):
-    argv = ["worlds.py", "dynabarn", "--data", data, "--worlds", "3"]
-    monkeypatch.setattr(sys, "argv", argv)
-    worlds.main()
-    said = capsys.readouterr().out.splitlines()
-    assert len(said) == 3 and "impossible in 0 of 9 episodes" in said[0]
-    monkeypatch.setattr(sys, "argv", ["worlds.py", "crowd", "--data", "nowhere"])
-    with pytest.raises(SystemExit):
-        worlds.main()
-    assert "ETH/seq_eth" in capsys.readouterr().err

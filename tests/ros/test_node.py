@@ -55,9 +55,7 @@ OUTAGES = {
     "odometry": (0.2, "odom: stale."),
     "same_stamp": (0.25, "scan: unordered."),
     "future": (0.25, "scan: future."),
-    "past": (0.25, "scan: unordered."),
     "blind": (0.1, "scan: blind."),
-    "covered": (0.1, "scan: blind."),
 }
 """Seconds from the last good message to standing, on a machine that others use too."""
 

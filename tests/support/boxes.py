@@ -4,7 +4,6 @@ from qpavoid.avoidance.settings import SafetyRadius
 
 HALF = 6.0
 
-
 RADIUS = SafetyRadius().curve
 
 

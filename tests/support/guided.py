@@ -12,9 +12,7 @@ from shapes import ROBOT
 
 NAMES = ("orca", "mppi", "nmpc", "ttc", "mpc-cbf", "teb")
 
-
 SETTINGS = AvoidanceSettings(dt=0.05)
-
 
 SLOW_ROBOT = replace(
     ROBOT, limits=Limits(-0.5, 1.0, -1.5, 1.5, 1.0, 2.0, wheel_speed=1.1, track=0.4)

@@ -79,5 +79,4 @@ def draws():
 
 COMPILER = shutil.which("gcc") or shutil.which("cc")
 
-
 STRICT = ("-Wall", "-Wextra", "-pedantic", "-Werror")

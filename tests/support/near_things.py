@@ -20,7 +20,6 @@ HEAVY = Robot(
 
 DT = 0.05
 
-
 SETTINGS = AvoidanceSettings(dt=DT)
 
 

@@ -318,11 +318,6 @@ class Node:
         (line,) = [line for line in text.splitlines() if line.startswith("VmRSS")]
         return int(line.split()[1]) / 1024
 
-    def processor(self):
-        """Return the time of processors that it has used, s."""
-        words = Path(f"/proc/{self.process.pid}/stat").read_text().split()
-        return (int(words[13]) + int(words[14])) / os.sysconf("SC_CLK_TCK")
-
     def end(self, kill=False):
         (self.process.kill if kill else self.process.terminate)()
         return self.process.wait(20.0)
@@ -346,15 +341,10 @@ def latencies(peer, at):
 
 
 def latency(peer, node, seconds=30.0):
-    used, at = node.processor(), time.monotonic()
+    at = time.monotonic()
     peer.drive(seconds)
     rows = peer.since(at)
-    share = (node.processor() - used) / seconds
-    told = {
-        "false_stops": peer.false_stops(at),
-        "per_s": len(rows) / seconds,
-        "processor": share,
-    }
+    told = {"false_stops": peer.false_stops(at), "per_s": len(rows) / seconds}
     return quantiles(latencies(peer, at)) | told
 
 
@@ -407,17 +397,9 @@ def future(peer, node):
     return outage(peer, node, lambda _: peer.scan(5.0, peer.time() + 3.0))
 
 
-def past(peer, node):
-    return outage(peer, node, lambda _: peer.scan(5.0, peer.time() - 3.0))
-
-
 def blind(peer, node):
     nothing = [math.nan] * BEAMS
     return outage(peer, node, lambda _: peer.scan(ranges=nothing))
-
-
-def covered(peer, node):
-    return outage(peer, node, lambda _: peer.scan(ranges=[0.3] * BEAMS))
 
 
 def reorder(peer, node):
@@ -545,7 +527,7 @@ def bad_clock(peer, node):
 
 
 SCENES = (
-    *(latency, wall, kill, odometry, same_stamp, future, past, blind, covered),
+    *(latency, wall, kill, odometry, same_stamp, future, blind),
     *(reorder, flood, silence, person, restart, memory, ends),
 )
 CLOCKED = frozen, jump, bad_clock

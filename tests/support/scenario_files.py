@@ -13,7 +13,6 @@ k_m = 2.0
 duration_s = 4.0
 """
 
-
 SLOW = """
 [[obstacles]]
 kind = "disc"

@@ -38,7 +38,6 @@ from qpavoid.types import Array, Pose, Twist
 OPTIONS = {**IPOPT, "mu_strategy": "monotone", "nlp_scaling_method": "none"}
 """IPOPT's options; from the last band they take two thirds of NMPC's iterations."""
 
-
 LONGEST_TICKS = 3.0
 """Greatest ΔT in ticks: a longer one could skip a moving obstacle."""
 

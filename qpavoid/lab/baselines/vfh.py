@@ -40,7 +40,6 @@ AT_TARGET = 0.05
 
 Flags = npt.NDArray[np.bool_]
 
-
 Cells: TypeAlias = Annotated[Matrix, Sizes(0, 3)]
 """(n, 3): x, y and radius, m."""
 

@@ -145,7 +145,7 @@ class Planner:
     def _look(self, time: float, pose: Pose, seen: Obstacles, since: float) -> Array:
         """Return the distance of every cell from the known obstacles, m."""
         seen = seen.within(self.settings.sight)
-        moves, back = seen.speeds > SPEED_AT_REST, _inverse(pose)
+        moves, back = seen.speeds > SPEED_AT_REST, inverse(pose)
         still = seen.chosen(~moves & ~seen.is_wall).seen_from(back)
         moving = Obstacles.of(NO_POINTS, seen.capsules[moves]).seen_from(back)
         self._grid.mark(still, time)
@@ -214,7 +214,7 @@ def standing(pose: Pose, rows: int) -> Array:
     return np.tile([*pose, 0.0, 0.0], (rows, 1))
 
 
-def _inverse(pose: Pose) -> Pose:
+def inverse(pose: Pose) -> Pose:
     """Return the world's pose in the frame of ``pose``."""
     x, y, heading = pose
     cos, sin = math.cos(heading), math.sin(heading)

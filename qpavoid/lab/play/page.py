@@ -2,6 +2,7 @@
 
 import base64
 import gzip
+import json
 import re
 from collections.abc import Iterator, Sequence
 from html import escape
@@ -32,7 +33,6 @@ from qpavoid.lab.simulation.methods import OURS, REGISTRY
 from qpavoid.lab.simulation.scenario import Scenario, make_scenario
 from qpavoid.lab.simulation.schema import Preset
 from qpavoid.lab.simulation.tables import UNITS, attributes_of
-from qpavoid.lab.study.report.page import as_json, part
 from qpavoid.model.capsules import TURN, V_X, X1, Y1
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.perception import settings as perceived
@@ -99,7 +99,7 @@ SIZES = {
 }
 """Array sizes of the compiled functions."""
 
-SHARED_SCRIPTS = ("dom.js", "pen.js", "panels.js", "charts.js")
+DRAWING = ("dom.js", "pen.js", "panels.js", "charts.js")
 OWN = (
     *("world.js", "lidar.js", "pilot.js", "toml.js", "form.js", "hands.js"),
     *("robots.js", "rules.js", "ranges.js", "words.js", "play.js"),
@@ -153,14 +153,14 @@ def play_page(
         "statuses": list(STATUSES),
         "sentences": {str(status): text for status, text in SENTENCES.items()},
     }
-    own = [own_part(name) for name in OWN]
-    return Template(own_part("page.html")).substitute(
+    own = [part(name) for name in OWN]
+    return Template(part("page.html")).substitute(
         title=escape(scenes[0]["title"]),
-        style=part("style.css") + own_part("play.css"),
+        style=part("style.css") + part("play.css"),
         data=as_json(given),
         scripts="\n".join(
             f"<script>{text}</script>"
-            for text in [*map(part, SHARED_SCRIPTS), classic(program.script), *own]
+            for text in [*map(part, DRAWING), classic(program.script), *own]
         ),
     )
 
@@ -176,9 +176,25 @@ def presets() -> tuple[str, ...]:
     return tuple(get_args(Preset))
 
 
-def own_part(name: str) -> str:
+def part(name: str) -> str:
     """Return the text of a file beside this one."""
     return (files(__package__) / name).read_text(encoding="utf-8")
+
+
+def as_json(data: Any) -> str:
+    """Return JSON that no HTML can hide in, NaN and infinities as ``null``."""
+    text = json.dumps(_finite(data), ensure_ascii=True, allow_nan=False)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _finite(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {str(key): _finite(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_finite(value) for value in data]
+    if isinstance(data, float) and not abs(data) < float("inf"):
+        return None
+    return data
 
 
 def packed(array: Array) -> str:
@@ -208,7 +224,7 @@ def scene(config: str, data: str | None = None) -> dict[str, Any]:
     made = make_scenario(kept, name, file, data)
     parked = {**kept, "tracking": {**kept.get("tracking", {}), "station_keeping": True}}
     station = make_scenario(parked, name, file, data).tracker
-    left_out = ("published", "frames_s", "ends_at_goal", "obstacles")
+    left_out = ("frames_s", "ends_at_goal", "obstacles")
     return {
         "name": name,
         "title": made.title,

@@ -247,7 +247,6 @@ class Physics:
         lag: Time constant of a motor, s.
         acceleration: Greatest of the driver, m/s² and rad/s²; at most the published
             one.
-        torque: Greatest of a wheel, N m; at most the published one.
         separation_multiplier: m; 0: the published one, 1 or 1.5.
         patches: Of the ground.
     """
@@ -259,7 +258,6 @@ class Physics:
     acceleration: Annotated[
         Twist, Range(gt=0.0), ("acceleration_mps2", "angular_acceleration_radps2")
     ] = (math.inf, math.inf)
-    torque: Annotated[float, "nm", Range(gt=0.0)] = math.inf
     separation_multiplier: Annotated[float, NOT_NEGATIVE] = 0.0
     patches: tuple[Patch, ...] = ()
 
@@ -272,7 +270,6 @@ class Physics:
         known = BASES[self.base]
         (v, omega), (most_v, most_omega) = self.acceleration, known.acceleration
         return known._replace(
-            torque=min(self.torque, known.torque),
             acceleration=(min(v, most_v), min(omega, most_omega)),
             multiplier=self.separation_multiplier or known.multiplier,
         )

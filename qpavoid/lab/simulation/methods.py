@@ -125,7 +125,6 @@ REGISTRY: dict[str, Entry] = {
 OURS = ("eq5", "eq7", "qp", "qp-repulsion", "qp-ahead")
 """The paper's laws and the filters without a guide."""
 
-
 STAGES = {
     "astar+NAME": "that plan before any of them",
     "NAME+guide": "any of them, guided by the coming seconds, and round what stalls it",

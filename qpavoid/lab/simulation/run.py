@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from qpavoid.errors import InvalidInputError
+from qpavoid.lab.planning.planner import inverse
 from qpavoid.lab.simulation.log import COLUMNS, Log, LogRow, provenance, read_only
 from qpavoid.lab.simulation.methods import name_of, solver_of
 from qpavoid.lab.simulation.outcome import Goal
@@ -64,13 +65,6 @@ class RobotObstacle:
         placed = Obstacles.of(NO_POINTS, capsules).seen_from(inverse(pose)).capsules
         placed[:, OWNER] = self._number
         return placed
-
-
-def inverse(pose: Pose) -> Pose:
-    """Return the pose of the world as a robot at ``pose`` sees it."""
-    x, y, heading = pose
-    cos, sin = math.cos(heading), math.sin(heading)
-    return -cos * x - sin * y, sin * x - cos * y, -heading
 
 
 def among(world: Obstacles, bodies: Sequence[Array]) -> Iterator[Obstacles]:

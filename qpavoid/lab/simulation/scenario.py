@@ -3,7 +3,7 @@
 import hashlib
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -41,7 +41,6 @@ from qpavoid.types import Array, Pose
 
 MOST_STEPS, MOST_PLACES = 1_000_000, 30_000_000
 """Of a run: steps, and places of all its obstacles; its log has 300 MB and 700 MB."""
-
 
 SEED_STRIDE, DRAWS = 1_000_003, 1
 """Between the seeds of two robots; what is drawn for them is apart from the world."""
@@ -92,7 +91,6 @@ class Scenario:
         settled: How long it is to have been there, s.
         arrival: Position (m) and heading (rad) error at the end that count as arrived.
         frames: Times of the frames in figures, s.
-        published: Numbers of the paper by controller.
         digest: SHA-256 of the scenario file.
         robots: Each of several robots, in the same world; empty: there is this one.
         controller: Of this robot, whatever drives the others; empty: the same.
@@ -123,7 +121,6 @@ class Scenario:
     settled: float = SETTLED
     arrival: tuple[float, float] = (0.1, 0.1)
     frames: tuple[float, ...] = ()
-    published: Mapping[str, schema.PublishedModel] = field(default_factory=dict)
     digest: str = ""
     robots: "tuple[Scenario, ...]" = ()
     controller: str = ""
@@ -235,7 +232,6 @@ def _single(
         settled=model.settled_s,
         arrival=(model.arrival_m, model.arrival_rad),
         frames=tuple(model.frames_s),
-        published=model.published,
         digest=digest,
         **parts,
     )

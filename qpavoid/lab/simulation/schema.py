@@ -203,7 +203,6 @@ ObstacleModel = Annotated[
     Field(discriminator="kind"),
 ]
 
-
 MOST_ROBOTS = 200
 """In an entry; each is a scenario, and sees all others."""
 
@@ -402,20 +401,6 @@ class FilterModel(Strict):
     """The QP filter."""
 
 
-class PublishedModel(Strict):
-    """The paper's values of one method, shown beside the measured ones.
-
-    Attributes:
-        zone_entry_s: When an obstacle comes within r.
-        zone_exit_s: When it has left again.
-        about: The paper says about.
-    """
-
-    zone_entry_s: Finite | None = None
-    zone_exit_s: Finite | None = None
-    about: bool = False
-
-
 @keyed(MotionCapture)
 class MotionCaptureModel(Strict):
     """The pose is measured to less than a millimetre.
@@ -515,7 +500,6 @@ class ScenarioModel(Strict):
         localisation: The pose is measured, not known.
         plant: The base is no ideal unicycle.
         obstacles: All that is in the way.
-        published: What a paper states, by controller; shown beside what is measured.
     """
 
     title: str
@@ -544,7 +528,6 @@ class ScenarioModel(Strict):
     )
     plant: PlantModel | None = None
     obstacles: list[ObstacleModel] = Field(default_factory=list)
-    published: dict[str, PublishedModel] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _referred(self) -> Self:

@@ -13,6 +13,7 @@ from qpavoid.guide.stage import GuideStage, Tracking
 from qpavoid.guide.state import Progress
 from qpavoid.lab.planning.planner import Planner, PlanningProblem, standing
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
+from qpavoid.lab.sensing.localisation import Locate
 from qpavoid.lab.sensing.physics import Physics
 from qpavoid.lab.sensing.plant import Drive
 from qpavoid.lab.simulation.clearance import (
@@ -39,9 +40,6 @@ from qpavoid.types import Array, Pose, Twist
 
 Sensor: TypeAlias = Callable[[float, Obstacles, Pose], Obstacles]
 """From time, obstacles (world frame) and the true pose to obstacles, robot frame."""
-
-Locate: TypeAlias = Callable[[Pose, float, tuple[float, float], float], Pose]
-"""From the true pose, time, the wheels' twist and dt to the pose believed."""
 
 
 def make_sensor(scenario: Scenario) -> Sensor:

@@ -122,8 +122,7 @@ def read_summary(out: Path) -> dict[str, Metrics]:
 def table(scenario: Scenario, summary: Sequence[Metrics]) -> Table:
     """Return the table of one scenario, a column a controller.
 
-    Published numbers stand in brackets beside ours. Of several robots it says what
-    became of how many, and of all else the worst.
+    Of several robots it says what became of how many, and of all else the worst.
     """
     mine = [row for row in summary if row["scenario"] == scenario.name]
     rows = [worst_robot(robots) for robots in by_fleet(mine, dict)]
@@ -140,7 +139,7 @@ def table(scenario: Scenario, summary: Sequence[Metrics]) -> Table:
     for row in rows:
         result.add_column(str(row["controller"]), justify="right")
     for key, heading in list(COLUMNS.items())[1:]:
-        result.add_row(heading, *(cell(scenario, row, key) for row in rows))
+        result.add_row(heading, *(cell(row[key]) for row in rows))
     return result
 
 
@@ -156,18 +155,8 @@ def worst_robot(rows: Sequence[Metrics]) -> Metrics:
     return worst
 
 
-def cell(scenario: Scenario, row: Metrics, key: str) -> str:
-    """Return a value as text, with the paper's in brackets where it gives one."""
-    text = _text(row[key])
-    paper = scenario.published.get(str(row["controller"]))
-    stated = getattr(paper, key, None) if paper else None
-    if paper is None or stated is None:
-        return text
-    about = "about " if paper.about else ""
-    return f"{text} (paper: {about}{stated:g})"
-
-
-def _text(value: Value) -> str:
+def cell(value: Value) -> str:
+    """Return a value as text; what does not apply is a dash."""
     if value is None:
         return "–"
     return f"{round(value, 3) + 0.0:g}" if isinstance(value, float) else str(value)

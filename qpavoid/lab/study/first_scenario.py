@@ -17,7 +17,6 @@ STOPPING = 0.5
 WALKING = 0.4
 """m/s of who crosses; of a robot below 1 m/s, as share of its greatest speed."""
 
-
 TEXT = Path(__file__).with_suffix(".txt")
 """The file, with a place for each number."""
 

@@ -19,12 +19,12 @@ from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.metrics import metrics, run_name, tally
 from qpavoid.lab.study.scene import (
     decisive_step,
+    draw_fleet,
     first_of,
     fleets_of,
     legend,
     plan_grid,
     plan_panels,
-    scenes_of,
     view_box,
 )
 from qpavoid.lab.study.style import BLACK, DANGER, MARGIN, WIDTH, styles
@@ -95,8 +95,7 @@ def frames(logs: Sequence[Log], times: Sequence[float] | None = None) -> Figure:
     cells = grid if across else grid.T
     for row, fleet, style in zip(cells, fleets, looks, strict=True):
         for axes, step in zip(row, steps, strict=True):
-            for scene in scenes_of(axes, fleet, style, box):
-                scene.show(step)
+            draw_fleet(axes, fleet, style, box, step)
     legend(figure)
     return figure
 
@@ -138,9 +137,7 @@ def paths(logs: Sequence[Log]) -> Figure:
             step < len(fleet[0]) - 1
         )
         axes.set_title(f"{style.label}: {became}{when}", fontsize=10)
-        for scene in scenes_of(axes, fleet, style, box, zone=False):
-            scene.mark_way()
-            scene.show(step)
+        draw_fleet(axes, fleet, style, box, step, way=True)
     legend(figure)
     return figure
 

@@ -9,7 +9,6 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection, LineCollection, PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
 from qpavoid.errors import InvalidInputError
@@ -123,152 +122,123 @@ def view_box(
     return Extent(*np.column_stack([low, high]).ravel().tolist())
 
 
-class RunPlot:
-    """A run on axes of its own, with equal scales.
+def draw_run(
+    axes: Axes,
+    log: Log,
+    style: Style,
+    box: Extent,
+    step: int,
+    zone: bool = True,
+    others: int = 0,
+) -> None:
+    """Draw robot and world at a step, or at the last, and the way driven so far.
 
     Args:
-        axes: Where to draw.
+        axes: Where to draw; their scales are made equal.
         log: The run.
         style: Of its method.
-        box: What of the world to show.
+        box: Section of the world.
+        step: Control step.
         zone: Whether to show the safety zone, P_r and the target too.
         others: Of several robots, how many have scenes of their own on these axes.
     """
-
-    def __init__(
-        self,
-        axes: Axes,
-        log: Log,
-        style: Style,
-        box: Extent,
-        *,
-        zone: bool = True,
-        others: int = 0,
+    step = min(step, len(log) - 1)
+    here = pose(log, step)
+    axes.set(xlim=box[:2], ylim=box[2:], aspect="equal")
+    axes.tick_params(labelsize=8, color="0.6")
+    axes.spines[:].set_color("0.6")
+    zones = ("within $r$", MARGIN, "r_m"), ("within $r_{min}$", DANGER, "r_min_m")
+    for label, color, name in zones if zone else ():
+        outline = to_world(offset_outline(log.vertices, log[name][step]), here)
+        axes.add_patch(Polygon(outline, label=label, lw=0, facecolor=color))
+    look: dict[str, Any] = {"facecolor": "white", "edgecolor": BLACK}
+    axes.add_patch(Polygon(to_world(log.vertices, here), label="footprint", **look))
+    _draw_world(axes, log, step, len(log.polygons) - others)
+    plan = log["x_ref_m"], log["y_ref_m"]
+    axes.plot(*plan, "--", color=BLACK, lw=0.8, zorder=2.2, label="planned")
+    axes.plot([], [], color="0.5", lw=2.5, label="driven")
+    driven = log["x_m"][: step + 1], log["y_m"][: step + 1]
+    axes.plot(*driven, color=style.color, lw=2.5)
+    arrow = np.array([(0.6, 0.25), (0.75, 0.0), (0.6, -0.25)])
+    nose = arrow * log.vertices.max(axis=0)
+    axes.plot(*to_world(nose, here).T, color=BLACK, lw=1)
+    for label, color, name in (
+        ("target", "#0050D0", "{}_ref_m"),
+        ("$P_r$", "#D00000", "contact_{}_m"),
     ):
-        self._axes, self._log = axes, log
-        self._count = len(log.polygons) - others
-        axes.set(xlim=box[:2], ylim=box[2:], aspect="equal")
-        axes.tick_params(labelsize=8, color="0.6")
-        axes.spines[:].set_color("0.6")
-        self._zones = [
-            _patch(axes, label, linewidth=0, facecolor=color)
-            for label, color in (("within $r$", MARGIN), ("within $r_{min}$", DANGER))
-            if zone
-        ]
-        self._body = _patch(axes, "footprint", facecolor="white", edgecolor=BLACK)
-        self._draw_world()
-        plan = log["x_ref_m"], log["y_ref_m"]
-        axes.plot(*plan, "--", color=BLACK, lw=0.8, zorder=2.2, label="planned")
-        axes.plot([], [], color="0.5", lw=2.5, label="driven")
-        (self._driven,) = axes.plot([], [], color=style.color, lw=2.5)
-        (self._nose,) = axes.plot([], [], color=BLACK, lw=1)
-        front, side = log.vertices.max(axis=0)
-        self._arrow = np.array([(0.6, 0.25), (0.75, 0.0), (0.6, -0.25)]) * (front, side)
-        self._marks = [
-            (_dot(axes, label, color), log[x], log[y])
-            for label, color, x, y in (
-                ("target", "#0050D0", "x_ref_m", "y_ref_m"),
-                ("$P_r$", "#D00000", "contact_x_m", "contact_y_m"),
-            )
-            if zone
-        ]
-
-    def _draw_world(self) -> None:
-        """Draw walls and tracks of what moves, and make room for the others."""
-        axes, log = self._axes, self._log
-        centres, radii = log.discs[:, :, :2], log.discs[0, :, 2]
-        moving = np.ptp(centres, axis=0).any(axis=1)
-        seen = np.where(centres < ABSENT, centres, np.nan)
-        tracks = [*seen[:, moving].swapaxes(0, 1), *middles(log, self._count)]
-        self._solid = radii > 0.0
-        size = 2 * radii[self._solid]
-        self._discs = EllipseCollection(
-            size,
-            size,
-            np.zeros_like(size),
-            units="xy",
-            offset_transform=axes.transData,
-            facecolor=SOLID,
-            zorder=2.5,
-        )
-        self._polygons = PolyCollection([], facecolor=SOLID, zorder=2.5)
-        dotted = LineCollection(tracks, color="0.45", ls=":", lw=1)
-        lines = LineCollection(
-            list(log.walls.reshape(-1, 2, 2)), color=SOLID, lw=2.5, zorder=2.5
-        )
-        for collection in (dotted, lines, self._discs, self._polygons):
-            axes.add_collection(collection, autolim=False)
-        self._dots = _dot(
-            axes, "obstacle", SOLID, size=2 if len(log.points) > 20 else 6
-        )
-
-    def mark_way(self) -> None:
-        """Draw the whole way, footprints 1.5 lengths apart, and the first contact."""
-        log = self._log
-        length = np.cumsum(np.hypot(np.diff(log["x_m"]), np.diff(log["y_m"])))
-        spacing = 1.5 * np.ptp(log.vertices[:, 0])
-        steps = np.searchsorted(length, np.arange(0.0, length[-1], spacing))
-        outlines = [to_world(log.vertices, pose(log, step)) for step in steps]
-        color = self._driven.get_color()
-        self._axes.plot(log["x_m"], log["y_m"], color=color, lw=1)
-        prints = PolyCollection(outlines, facecolor="none", edgecolor=color, lw=0.7)
-        self._axes.add_collection(prints, autolim=False)
-        touched = np.flatnonzero(log["least_clearance_m"] < 0.0)[:1]
-        if len(touched):
-            place = log["contact_x_m"][touched], log["contact_y_m"][touched]
-            look: dict[str, Any] = {"color": "#D00000", "ms": 9, "mew": 2.5}
-            self._axes.plot(*place, "x", label="first contact", zorder=5, **look)
-
-    def show(self, step: int) -> None:
-        """Show robot and world at a step, or at the last, and the way driven so far."""
-        log = self._log
-        step = min(step, len(log) - 1)
-        here = pose(log, step)
-        centres = log.discs[step, :, :2]
-        self._discs.set_offsets(centres[self._solid])
-        self._polygons.set_verts(log.polygons_at(step)[: self._count])
-        self._dots.set_data(*np.vstack([log.points, centres[~self._solid]]).T)
-        self._driven.set_data(log["x_m"][: step + 1], log["y_m"][: step + 1])
-        self._body.set_xy(to_world(log.vertices, here))
-        self._nose.set_data(*to_world(self._arrow, here).T)
-        for patch, name in zip(self._zones, ("r_m", "r_min_m"), strict=False):
-            patch.set_xy(to_world(offset_outline(log.vertices, log[name][step]), here))
-        for dot, x, y in self._marks:
-            dot.set_data([x[step]], [y[step]])
+        if zone:
+            place = np.array([[log[name.format(axis)][step] for axis in "xy"]])
+            _dots(axes, place, label, color)
 
 
-def scenes_of(
-    axes: Axes, fleet: Sequence[Log], style: Style, box: Extent, *, zone: bool = True
-) -> list[RunPlot]:
-    """Return the scenes of all robots of a run; of several each in its own colour.
+def _draw_world(axes: Axes, log: Log, step: int, count: int) -> None:
+    """Draw obstacles at a step, and tracks of what moves; ``count``: of polygons."""
+    centres, radii = log.discs[:, :, :2], log.discs[0, :, 2]
+    moving = np.ptp(centres, axis=0).any(axis=1)
+    seen = np.where(centres < ABSENT, centres, np.nan)
+    tracks = [*seen[:, moving].swapaxes(0, 1), *middles(log, count)]
+    solid, here = radii > 0.0, centres[step]
+    size = 2 * radii[solid]
+    look: dict[str, Any] = {"facecolor": SOLID, "zorder": 2.5}
+    where = {"offsets": here[solid], "offset_transform": axes.transData}
+    walls = list(log.walls.reshape(-1, 2, 2))
+    for collection in (
+        LineCollection(tracks, color="0.45", ls=":", lw=1),
+        LineCollection(walls, color=SOLID, lw=2.5, zorder=2.5),
+        EllipseCollection(size, size, 0.0 * size, units="xy", **where, **look),
+        PolyCollection(log.polygons_at(step)[:count], **look),
+    ):
+        axes.add_collection(collection, autolim=False)
+    points = np.vstack([log.points, here[~solid]])
+    _dots(axes, points, "obstacle", SOLID, 2.0 if len(log.points) > 20 else 6.0)
+
+
+def draw_way(axes: Axes, log: Log, style: Style) -> None:
+    """Draw the whole way, footprints 1.5 lengths apart, and the first contact."""
+    length = np.cumsum(np.hypot(np.diff(log["x_m"]), np.diff(log["y_m"])))
+    spacing = 1.5 * np.ptp(log.vertices[:, 0])
+    steps = np.searchsorted(length, np.arange(0.0, length[-1], spacing))
+    outlines = [to_world(log.vertices, pose(log, step)) for step in steps]
+    axes.plot(log["x_m"], log["y_m"], color=style.color, lw=1)
+    look: dict[str, Any] = {"facecolor": "none", "edgecolor": style.color, "lw": 0.7}
+    axes.add_collection(PolyCollection(outlines, **look), autolim=False)
+    touched = np.flatnonzero(log["least_clearance_m"] < 0.0)[:1]
+    if len(touched):
+        place = log["contact_x_m"][touched], log["contact_y_m"][touched]
+        look = {"color": "#D00000", "ms": 9, "mew": 2.5}
+        axes.plot(*place, "x", label="first contact", zorder=5, **look)
+
+
+def draw_fleet(
+    axes: Axes,
+    fleet: Sequence[Log],
+    style: Style,
+    box: Extent,
+    step: int,
+    way: bool = False,
+) -> None:
+    """Draw all robots of a run; of several each in its own colour.
 
     Args:
         axes: Where to draw.
         fleet: Logs of those that ran together.
         style: Of their method.
-        box: What of the world to show.
-        zone: Of one robot, whether to show its safety zone.
+        box: Section of the world.
+        step: Control step.
+        way: Whether to show whole ways instead of the safety zone.
     """
-    if len(fleet) == 1:
-        return [RunPlot(axes, fleet[0], style, box, zone=zone)]
-    looks = zip(fleet, cycle(COLORS), strict=False)
-    others = len(fleet) - 1
-    return [
-        RunPlot(axes, log, style._replace(color=c), box, zone=False, others=others)
-        for log, c in looks
-    ]
+    alone = len(fleet) == 1
+    looks = zip(fleet, [style.color] if alone else cycle(COLORS), strict=False)
+    for log, color in looks:
+        look, zone = style._replace(color=color), alone and not way
+        draw_run(axes, log, look, box, step, zone, len(fleet) - 1)
+        if way:
+            draw_way(axes, log, look)
 
 
-def _patch(axes: Axes, label: str, **look: Any) -> Polygon:
-    patch = Polygon(np.zeros((1, 2)), closed=True, label=label, **look)
-    axes.add_patch(patch)
-    return patch
-
-
-def _dot(axes: Axes, label: str, color: str, size: float = 5.0) -> Line2D:
+def _dots(axes: Axes, places: Array, label: str, color: str, size: float = 5.0) -> None:
     look: dict[str, Any] = {"marker": "o", "ms": size, "color": color, "mec": "white"}
-    (line,) = axes.plot([], [], ls="", mew=0.1 * size, label=label, zorder=4, **look)
-    return line
+    axes.plot(*places.T, ls="", mew=0.1 * size, label=label, zorder=4, **look)
 
 
 def plan_grid(

@@ -232,13 +232,8 @@ def mark_nearer(
                 free[n] = 0.0
 
 
-def forest_document(family: int, number: int) -> dict[str, Any]:
-    """Return forest ``number`` of a family as a scenario file for the MiR100."""
-    return scene_document(make_scene(Robot.mir100().footprint, family, number))
-
-
 def scene_document(scene: ForestScene) -> dict[str, Any]:
-    """Return a scene as a scenario file.
+    """Return a scene as a scenario file for the MiR100.
 
     The run ends 1 s after the goal pose is reached, or at three times the time of the
     free reference.
@@ -287,4 +282,5 @@ class Forest:
 
     def sample(self, seed: int | None = None) -> dict[str, Any]:
         """Return the scenario file of the forest with this number."""
-        return forest_document(self.family, seed or 0)
+        footprint = Robot.mir100().footprint
+        return scene_document(make_scene(footprint, self.family, seed or 0))

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from qpavoid.avoidance.decision import STATUSES, Status
-from qpavoid.errors import ConfigError
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
 from qpavoid.lab.sensing.plant import Plant
-from qpavoid.lab.simulation.config import find_config
 from qpavoid.lab.simulation.log import COLUMNS
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
@@ -76,30 +74,6 @@ def test_what_is_not_exact_costs_a_little(scenario, change, error):
     assert result["min_clearance_m"] > 0.1
     moved = np.hypot(*(log.final[:2] - [log["x_m"][0], log["y_m"][0]]))
     assert moved > 1.0
-
-
-SENSED = """
-[lidar]
-latency_s = 0.1
-perception = false
-[localisation]
-kind = "uwb"
-sigma_m = 0.2
-[plant]
-lag_v_s = 0.1
-"""
-
-
-def test_the_file_says_it_all(tmp_path, scenario):
-    base = find_config("paper/test_case_1")[1].read_text()
-    path = tmp_path / "sensed.toml"
-    path.write_text(base + SENSED)
-    read = load_scenario(path)
-    assert read.lidar.latency == 0.1 and not read.lidar.perception
-    assert read.localisation == Uwb(sigma=0.2) and read.plant.lag == (0.1, 0.0)
-    path.write_text(base + SENSED.replace("latency_s", "latency"))
-    with pytest.raises(ConfigError, match=r"lidar\.latency: unknown key.*latency_s"):
-        load_scenario(path)
 
 
 def test_a_sensor_from_python_sees_in_place_of_all_others():

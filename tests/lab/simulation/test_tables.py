@@ -1,32 +1,24 @@
 """Keys of scenario files come from the settings: none lost, none out of reach."""
 
 import json
-from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 import pytest
 
 from minimal import MINIMAL, write
-from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import ConfigError
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.planning.planner import PlannerSettings
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
-from qpavoid.lab.sensing.physics import Patch, Physics
 from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation.config import validated
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.simulation.schema import ScenarioModel
 from qpavoid.lab.study.sweep.study import StudyModel
 from qpavoid.model.estimate import EstimatorSettings
-from qpavoid.model.robot import Limits
 from qpavoid.perception.settings import PerceptionSettings
-from qpavoid.settings import declared
-from qpavoid.tracking.clock import Waiting
 from qpavoid.tracking.kanayama import Gains
-from qpavoid.tracking.path import CubicPath, SplinePath
-from qpavoid.tracking.station import StationKeeping
 
 KEYS = json.loads((Path(__file__).parent / "keys.json").read_text())
 """Every key with its default, kept by hand."""
@@ -61,54 +53,6 @@ def keys(schema, table=None, path=""):
 
 def test_every_key_is_there_with_its_default():
     assert dict(keys(ScenarioModel.model_json_schema())) == KEYS
-
-
-SETTINGS = (
-    AvoidanceSettings,
-    *(
-        type(getattr(AvoidanceSettings(), part.name))
-        for part in (
-            item for item in fields(AvoidanceSettings) if is_dataclass(item.type)
-        )
-    ),
-    *(
-        GuideSettings,
-        PlannerSettings,
-        PerceptionSettings,
-        LidarSettings,
-        MotionCapture,
-    ),
-    *(
-        Uwb,
-        Plant,
-        Physics,
-        Patch,
-        EstimatorSettings,
-        Limits,
-        Waiting,
-        Gains,
-        CubicPath,
-        SplinePath,
-    ),
-    StationKeeping,
-)
-GIVEN = {"seed", "track", "dt", "points", "start", "goal", "patches"}
-"""Of the scenario, the robot, or written in a way of their own."""
-
-
-@pytest.mark.parametrize("kind", SETTINGS, ids=lambda kind: kind.__name__)
-def test_every_field_has_a_key(kind):
-    known = {key.rpartition(".")[2] for key in KEYS}
-    prefix = "wait_" if kind is Waiting else ""
-    said = {
-        setting.name
-        for setting in declared(kind)
-        if setting.keys and all(prefix + key in known for key in setting.keys)
-    }
-    nested = {item.name for item in fields(kind) if is_dataclass(item.type)}
-    assert {item.name for item in fields(kind)} - nested - GIVEN <= said | {
-        "estimation"
-    }
 
 
 ALL_TABLES = """

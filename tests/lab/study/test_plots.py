@@ -6,17 +6,22 @@ import numpy as np
 import pytest
 from matplotlib import pyplot
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from PIL import Image
 
 from qpavoid.errors import InvalidInputError
+from qpavoid.lab.simulation.run import run
+from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study import plots
 from qpavoid.lab.study.metrics import metrics
-from qpavoid.lab.study.scene import decisive_step, view_box
+from qpavoid.lab.study.scene import decisive_step, draw_run, middles, view_box
 from qpavoid.lab.study.style import SOLID, styles
 from qpavoid.model.contact import point_contact
 from qpavoid.model.footprint import offset_outline
 from qpavoid.model.kinematics import to_world
+from scenario_files import CROSSING, SLOW
 
 FIGURES = (plots.frames, plots.paths, plots.poses, plots.twists, plots.distance)
 
@@ -197,6 +202,33 @@ def test_the_decisive_moment(worlds, logs):
     assert decisive_step(logs[:1]) == int(logs[0]["least_clearance_m"].argmin())
     (alone,) = worlds["empty"]
     assert decisive_step([alone]) == len(alone) - 1
+
+
+POLYGONS = """
+[[obstacles]]
+kind = "polygon"
+vertices_m = [[1.2, 0.9], [1.8, 0.9], [1.5, 1.4]]
+velocity_mps = [0.05, -0.02]
+turn_rate_radps = -0.4
+[[obstacles]]
+kind = "polygon"
+vertices_m = [[0.0, -1.5], [1.0, -1.5], [1.0, -1.0], [0.0, -1.0]]
+"""
+
+
+def test_polygons_are_drawn_where_they_are(tmp_path):
+    (tmp_path / "polygons.toml").write_text(CROSSING + SLOW + POLYGONS)
+    log = run(load_scenario(tmp_path / "polygons.toml"), "eq7")
+    box = view_box([log], surroundings=1.0)
+    for step in (0, 40):
+        axes = Figure().subplots()
+        draw_run(axes, log, styles([log])[0], box, step)
+        (polygons,) = [x for x in axes.collections if isinstance(x, PolyCollection)]
+        drawn = [path.vertices for path in polygons.get_paths()]
+        for outline, corners in zip(drawn, log.polygons_at(step), strict=True):
+            np.testing.assert_allclose(outline[: len(corners)], corners)
+    assert len(middles(log)) == 1 and middles(log)[0].shape == (len(log), 2)
+    assert box[2] < -1.4
 
 
 def test_save_figures_names_and_writes_them(logs, tmp_path):
