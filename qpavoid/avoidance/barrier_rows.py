@@ -105,7 +105,7 @@ def closing_bound(robot: Array, dt: float, row: Pair, stopping_margin: float) ->
 
     At a speed c and a deceleration a that starts after dt, stopping takes
     c·dt + c²/(2a). The row's a is that of its stronger component; this guides the QP,
-    :mod:`qpavoid.avoidance.judge` verifies.
+    :mod:`qpavoid.avoidance.verdict` verifies.
     """
     limits = limits_of(robot)
     if limits.acceleration == math.inf or limits.angular_acceleration == math.inf:

@@ -54,10 +54,10 @@ class SafetyFilter:
     b = −γ(d − r_min) + d̂_oᵀ v_o
     (:func:`qpavoid.avoidance.barrier_rows.constraint_rows`). With look-ahead, the rows
     are those of future distances, d_k(u) ≥ r_min, linearised about the solution
-    (:mod:`qpavoid.avoidance.lookahead`).
+    (:mod:`qpavoid.avoidance.proposals`).
 
     A twist is driven only as the beginning of a plan verified to keep the required
-    distances until the robot stands still (:mod:`qpavoid.avoidance.judge`). Otherwise
+    distances until the robot stands still (:mod:`qpavoid.avoidance.verdict`). Otherwise
     the fallbacks are, in this order: ``planned``, a plan of two twists; ``relaxed``,
     the least violation; ``braking`` along the arc at full deceleration; ``holding``.
     The desired twist is never passed on unchecked.

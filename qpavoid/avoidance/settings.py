@@ -266,7 +266,7 @@ class AvoidanceSettings:
             faster loop only makes it more conservative, in a slower one nothing is
             guaranteed. In a scenario it is the scenario's own.
         braking_room: Drive only twists that allow a stop; see
-            :mod:`qpavoid.avoidance.judge`. Off, nothing is guaranteed.
+            :mod:`qpavoid.avoidance.verdict`. Off, nothing is guaranteed.
         passive: If every predicted motion has a contact, brake in time to be at rest
             when it happens; see the same module.
     """

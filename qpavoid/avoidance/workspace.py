@@ -47,7 +47,7 @@ class Workspace(NamedTuple):
     problem: Array
 
 
-PROBLEM = 8
+PROBLEM_SIZE = 8
 """Numbers of a QP besides its rows."""
 
 MOST_TICKS = 1e6
@@ -86,7 +86,7 @@ def memory_size(contacts: int, settings: FilterSettings) -> int:
     tables += most_arcs(settings) * ARC + sides * SIDE
     tables += 4 * (look_ticks(settings) + 1)
     each = CONTACT_WIDTH + 2 + CAPSULE_WIDTH
-    return int(many * each + rows * ROW_WIDTH + tables + PROBLEM)
+    return int(many * each + rows * ROW_WIDTH + tables + PROBLEM_SIZE)
 
 
 @compiled_once
@@ -113,7 +113,7 @@ def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Works
         Tables(memory[f:g].reshape(sides, SIDE), frames),
         memory[g:h].reshape(contacts, 2),
         memory[h:i].reshape(contacts, CAPSULE_WIDTH),
-        memory[end : end + PROBLEM],
+        memory[end : end + PROBLEM_SIZE],
     )
 
 

@@ -148,7 +148,7 @@ def functions(
     run = Value("vector", f"(vector){{filter->state, {state}}}")
     memory = Value("vector", f"(vector){{filter->memory, {size}}}")
     asked = [packed([points, capsules]), age, look_ahead, packed([v, omega])]
-    none = packed([Value("", c_number(x), known=x) for x in NO_ANSWER])
+    none = packed([Value("double", c_number(x)) for x in NO_ANSWER])
     step = call(filter_outcome, [setup, packed(asked, Request), none, run, memory])
     arrays = [Value("matrix", name) for name in OBSTACLES]
     fill = call(fill_capsules, [Value("int", "n"), *arrays, capsules])

@@ -310,7 +310,8 @@ COUNTED = """
 import math
 import numpy as np
 from qpavoid import AvoidanceSettings, Footprint, Limits, Robot, SafetyFilter
-from qpavoid.avoidance import advancement, linearisation, plans, proposals, step, verdict
+from qpavoid.avoidance import advancement, linearisation, plans, proposals
+from qpavoid.avoidance import step, verdict
 
 made, planned, bodies = [0], [0], [0]
 contact, roll_out = advancement.line_contact, verdict.roll_out

@@ -125,7 +125,7 @@ class StopController(Baseline):
     zone bends with the path, and obstacles beside it have no effect. Obstacles are
     taken as static. Static obstacles are never touched: the robot drives only twists
     that keep the margin until rest, and else brakes along its arc (the proof is that of
-    :mod:`qpavoid.avoidance.judge`).
+    :mod:`qpavoid.avoidance.verdict`).
 
     Attributes:
         margin: Required distance, in r_min of static obstacles.
