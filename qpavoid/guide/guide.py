@@ -17,6 +17,7 @@ from qpavoid.guide.headway import AT_GOAL, Headway, lengths, moves_near, start_r
 from qpavoid.guide.rest import EXACT, JUMP, Rest, beyond_band, is_driven
 from qpavoid.guide.rollout import ROWS, TICK, fill_ahead
 from qpavoid.guide.settings import GuideSettings
+from qpavoid.guide.sight import Sight
 from qpavoid.guide.stage import GuideStage, Tracking, fresh_stage
 from qpavoid.guide.state import CLEAR, SEARCHING, STAGE_MODE, STILL, Progress
 from qpavoid.model.kinematics import TINY, arc, wrap_angle
@@ -169,7 +170,6 @@ class Guide:
     Attributes:
         robot: Footprint and limits.
         settings: Of the filter.
-        perception: Of scans; None before the first.
     """
 
     def __init__(
@@ -179,8 +179,9 @@ class Guide:
         guide: GuideSettings | None = None,
         perception: Perception | None = None,
     ) -> None:
-        self.robot, self.perception = robot, perception
+        self.robot = robot
         self.settings = settings if settings is not None else AvoidanceSettings()
+        self._sight = Sight(robot, perception, self.settings.dt)
         self._guide, self._limits = guide or GuideSettings(), robot.limit_vector
         self._safety = SafetyFilter(robot, self.settings)
         self._rest = Rest(robot.limits, self.settings.dt)
@@ -197,6 +198,11 @@ class Guide:
         self._path = PathTracking(law, Waiting(), self.settings.dt, self._guide)
         self._path.follow(plan)
         self._begin(plan, self._asked)
+
+    @property
+    def perception(self) -> Perception | None:
+        """Perception of scans; None before the first."""
+        return self._sight.perception
 
     @property
     def safety(self) -> SafetyFilter:
@@ -338,6 +344,7 @@ class Guide:
         self._safety.reset(v, omega)
         self._driven = as_driven((v, omega), self._limits)
         self._rest.forget()
+        self._sight.forget()
 
     def left(self, pose: Pose) -> tuple[float, float]:
         """Return the distance of the end of the path from a pose, m and rad."""
@@ -370,6 +377,8 @@ class Guide:
             pose: Of the robot, world frame: x, y (m), γ (rad).
             obstacles: Robot frame; or (N, 2) points alone, m. Not with scans.
             scan: Ranges of a LiDAR, as of ``Perception.update``; the pose is odometry.
+                After the first one a step without it has the obstacles known so far;
+                half a second without a new and valid scan is a fault.
             stamp: Time of the scan, s; without a scan the time to predict to.
             driven: Measured (v, ω). Default the guide's last twist: after an emergency
                 stop it then continues with the speed before.
@@ -381,7 +390,7 @@ class Guide:
 
         Raises:
             InvalidInputError: A number is not finite, or a shape does not fit.
-            FaultError: Stamps or age are not valid.
+            FaultError: Stamps or age are not valid, or scans are missing.
         """
         driven = self._motors_driven(driven)
         given = obstacles, scan, stamp
@@ -410,19 +419,6 @@ class Guide:
             return decision
         return blocked_if(decision, self._blocked)
 
-    def _see(self, pose: Pose, given: Any, scan: Any, stamp: Any) -> Obstacles:
-        """Return the given obstacles, or those of a scan."""
-        if scan is None and stamp is None:
-            return given if isinstance(given, Obstacles) else Obstacles(given)
-        if self.perception is None:
-            self.perception = Perception(self.robot)
-        none = not isinstance(given, Obstacles) and len(given) == 0
-        want(none, "step needs obstacles, or else a scan")
-        time = math.nan if stamp is None else stamp
-        if scan is None:
-            return self.perception.obstacles(time, pose)
-        return self.perception.update(scan, time, pose)
-
     def _motors_driven(self, driven: Any) -> Any:
         """Return the measured twist; inside the dead band the last one commanded.
 
@@ -443,7 +439,7 @@ class Guide:
 
         ``given``: obstacles, scan and stamp of :meth:`step`.
         """
-        at, seen = as_pose(pose, "pose"), self._see(pose, *given)
+        at, seen = as_pose(pose, "pose"), self._sight.see(pose, *given)
         if driven is not None:
             self._driven = as_driven(driven, self._limits)
         before, self._pose = self._pose or at, at

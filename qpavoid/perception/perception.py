@@ -164,6 +164,7 @@ class Perception:
         robot: Its footprint is left out of what is seen.
         lidars: By name.
         settings: Of bodies and memory.
+        last_valid: Stamp of the last scan that had any known beam, s; ``-inf``: none.
 
     Raises:
         InvalidInputError: No LiDAR, or one that is none.
@@ -205,6 +206,7 @@ class Perception:
             np.zeros(SYSTEM),
         )
         self._last: tuple[float, Pose] | None = None
+        self.last_valid = -math.inf
         self._stamps: dict[str, float] = {}
         self._scan: Scan | None = None
 
@@ -262,6 +264,9 @@ class Perception:
         self._scan = device.scan(middle, begin, velocity, abs(lidar.sweep))
         perceive(self.memory, self._scan, self.model)
         self._last, self._stamps[sensor] = (time, pose), time
+        unknown = np.isnan(seen) | (np.isinf(seen) & (lidar.no_echo == "unknown"))
+        if not unknown.all():
+            self.last_valid = time
         return self.obstacles(time, pose)
 
     def _lidar(self, sensor: str) -> Lidar:
@@ -269,7 +274,7 @@ class Perception:
             return self.lidars[sensor]
         except (KeyError, TypeError):
             names = ", ".join(map(repr, self.lidars))
-            raise InvalidInputError(f"no sensor {sensor!r}; there is {names}") from None
+            raise InvalidInputError(f"no sensor {sensor!r}; there is {names}: name one in Perception.update") from None
 
     def _ranges(self, lidar: Lidar, ranges: Any, points: Any) -> Array:
         """Return ranges with NaN for all that is unknown."""

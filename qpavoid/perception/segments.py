@@ -222,6 +222,11 @@ def is_hidden(view: View, place: int, side: int) -> float:
     end = here + side * HIDING_BEAMS
     if view.sensor.round == 0.0 and not 0 <= end < view.scan.shape[0]:
         return 1.0
+    # The surface goes on outside of ever-free space.
+    if abs(beam - here) <= HIDING_BEAMS and not is_break(
+        view, min(place, place + side), max(place, place + side)
+    ):
+        return 1.0
     close = abs(beam - here) <= HIDING_BEAMS
     nearer = view.scan[beam, RANGE] < view.scan[here, RANGE] - HIDES
     return 1.0 if close and nearer else 0.0

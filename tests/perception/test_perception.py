@@ -152,6 +152,20 @@ def test_a_person_out_of_view_is_remembered_for_seconds():
             assert 0.1 < found.disc_sigmas[0] < 1.0 + time
 
 
+def test_a_body_cut_by_the_edge_of_the_view_keeps_its_velocity():
+    """270°: a person leaves to the rear, and is followed where no beam is."""
+    angles = np.linspace(-0.75 * math.pi, 0.75 * math.pi, 541)
+    perception = qp.Perception(ROBOT, qp.Lidar(field_of_view=1.5 * math.pi))
+    for time in np.arange(0.0, 6.0, 0.1):
+        x = 3.0 - time
+        ranges = ray_ranges((0.0, 0.0, 0.0), [(x, -1.13, 0.23)], angles=angles)
+        found = perception.update(ranges, time, (0.0, 0.0, 0.0))
+        if time > 2.0:
+            (disc,), (velocity,) = found.discs, found.disc_velocities
+            assert velocity == pytest.approx((-1.0, 0.0), abs=0.15)
+            assert disc[:2] == pytest.approx((x, -1.13), abs=0.05 + 0.1 * max(-1 - x, 0))
+
+
 def test_obstacles_are_predicted_to_the_time_asked_for():
     perception, found = watched()
     later = perception.obstacles(5.4, (0.0, 0.0, 0.0))
@@ -357,3 +371,42 @@ def test_a_guide_with_scans_lets_a_walker_pass():
         least = min(least, apart)
     assert least > 0.0
     assert math.hypot(*pose[:2]) < 0.03
+
+
+FAILED = {
+    "NaN": {"scan": np.full(BEAMS, math.nan)},
+    "zeros": {"scan": np.zeros(BEAMS)},
+    "the stamp again": {"scan": np.full(BEAMS, 5.0), "stamp": 1.0},
+    "none": {},
+    "none, but a stamp": {"scan": None},
+}
+
+
+@pytest.mark.parametrize("failed", FAILED.values(), ids=FAILED)
+def test_a_guide_without_valid_scans_stops(failed):
+    guide, pose = qp.Guide(ROBOT, qp.AvoidanceSettings(dt=0.1)), (0.0, 0.0, 0.0)
+    guide.go_to(pose, (3.0, 0.0, 0.0))
+    for k in range(11):
+        scan = {"scan": ray_ranges(pose), "stamp": 0.1 * k}
+        moving = guide.step(pose, **scan, on_error="brake")
+    assert moving.v > 0.1
+    for k in range(11, 20):
+        given = {"stamp": 0.1 * k} | failed if failed else {}
+        last = guide.step(pose, **given, on_error="brake")
+    assert last[:2] == (0.0, 0.0)
+    assert last.status is qp.Status.INVALID and "scan: stale" in last.problem
+    with pytest.raises(qp.QPAvoidError, match="scan: stale"):
+        guide.step(pose, **given)
+
+
+def test_a_step_without_a_scan_has_the_obstacles_known_so_far():
+    guide, pose = qp.Guide(ROBOT, qp.AvoidanceSettings(dt=0.1)), (0.0, 0.0, 0.0)
+    guide.go_to(pose, (3.0, 0.0, 0.0))
+    seen = guide.step(pose, scan=ray_ranges(pose), stamp=0.0)
+    assert guide.step(pose).clearance == pytest.approx(seen.clearance)
+
+
+def test_a_guide_that_expects_scans_does_not_drive_before_the_first():
+    guide = qp.Guide(ROBOT, perception=qp.Perception(ROBOT))
+    with pytest.raises(qp.QPAvoidError, match="scan: never seen"):
+        guide.step((0.0, 0.0, 0.0), stamp=0.0)
