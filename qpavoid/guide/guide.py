@@ -377,8 +377,7 @@ class Guide:
             pose: Of the robot, world frame: x, y (m), γ (rad).
             obstacles: Robot frame; or (N, 2) points alone, m. Not with scans.
             scan: Ranges of a LiDAR, as of ``Perception.update``; the pose is odometry.
-                After the first one a step without it has the obstacles known so far;
-                half a second without a new and valid scan is a fault.
+                A step without one has the obstacles known so far, for 0.5 s.
             stamp: Time of the scan, s; without a scan the time to predict to.
             driven: Measured (v, ω). Default the guide's last twist: after an emergency
                 stop it then continues with the speed before.
@@ -392,8 +391,7 @@ class Guide:
             InvalidInputError: A number is not finite, or a shape does not fit.
             FaultError: Stamps or age are not valid, or scans are missing.
         """
-        driven = self._motors_driven(driven)
-        given = obstacles, scan, stamp
+        driven, given = self._motors_driven(driven), (obstacles, scan, stamp)
         if on_error == "brake":
             found = caught(self._desire, pose, given, driven)
             if isinstance(found, BaseException):
