@@ -32,11 +32,11 @@ MOST_ARROWS = 70
 """Pairs of rooms one of which imports the other; the lowest two floors do not count."""
 
 CEILINGS = {
-    "robot": 20_529,
+    "robot": 20_330,
     "cli": 1_179,
     "lab": 13_999,
     "comparisons": 6_993,
-    "tests": 25_987,
+    "tests": 25_957,
 }
 """Lines of Python; ``cli`` holds all of the package but robot and lab. These numbers
 and those of FOLDERS only fall."""

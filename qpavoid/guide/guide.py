@@ -25,7 +25,6 @@ from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.model.validation import as_number, as_pose, as_rows
 from qpavoid.perception.perception import Perception
-from qpavoid.settings import want
 from qpavoid.tracking.clock import Waiting
 from qpavoid.tracking.kanayama import Gains, Tracker, tracking_error
 from qpavoid.tracking.path import Path, SplinePath

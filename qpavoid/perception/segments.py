@@ -219,7 +219,7 @@ def set_segment(
 
 @compiled_once
 def is_cut(view: View, place: int, side: int) -> bool:
-    """Return whether a surface goes on to an end of the view, also where it is not free.
+    """Return whether a surface goes on to an end of the view, free or not.
 
     Near the ends of the view no space is ever-free.
     """
