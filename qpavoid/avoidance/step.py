@@ -1,20 +1,34 @@
 """One control step of the filter: the plan is selected, its first twist driven.
 
 The obstacles are those at the time when the twist takes effect. Every QP is stated for
-a target twist; with limited accelerations the first step towards it is driven.
+a target twist; with limited accelerations the first step towards it is driven. All
+memory of a step is one array, see :class:`Workspace`.
 """
 
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.barrier_rows import (
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.avoidance.bodies import (
+    BODY,
+    FEW,
+    Request,
+    Scene,
+    Setup,
+    bodies_in_reach,
+    look_box,
+    threshold,
+)
+from qpavoid.avoidance.cbf_rows import (
     BARRIER,
     constraint_rows,
     may_be_here,
     row_reach,
+    turn_to_walls,
     wanted_distance,
 )
-from qpavoid.avoidance.bodies import bodies_in_reach
 from qpavoid.avoidance.decision import (
     BRAKING,
     FILTERED,
@@ -25,39 +39,57 @@ from qpavoid.avoidance.decision import (
     STOPPED,
     TRACKING,
 )
-from qpavoid.avoidance.plans import SHARES
-from qpavoid.avoidance.prediction import Plan, hold
-from qpavoid.avoidance.proposals import Problem, Query, qp_of, snapped, solution
-from qpavoid.avoidance.scene import Request, Scene, Setup, look_box, threshold
-from qpavoid.avoidance.selection import Choice, fallback, select, select_now
-from qpavoid.avoidance.settings import FilterSettings
-from qpavoid.avoidance.state import (
+from qpavoid.avoidance.plan import (
+    ARC,
     END,
     NEW_PLAN,
+    PAST_OMEGA,
+    PAST_V,
     ROUND,
     SHARE,
     STUCK,
     TARGET_MODE,
     FilterStateWritten,
+    Plan,
+    frame_of_effect,
+    hold,
     keep_plan,
+    most_arcs,
+    pending_pace,
 )
-from qpavoid.avoidance.tangent import turn_to_walls
+from qpavoid.avoidance.proposals import (
+    SIDE,
+    Problem,
+    Query,
+    Tables,
+    most_sides,
+    qp_of,
+    snapped,
+    solution,
+)
+from qpavoid.avoidance.selection import SHARES, Choice, fallback, select, select_now
+from qpavoid.avoidance.settings import MOST_PENDING, FilterSettings
 from qpavoid.avoidance.verdict import first_twist, verdict
-from qpavoid.avoidance.workspace import (
-    Workspace,
-    carve,
-    is_counted,
-    memory_size,
-    new_scene,
-    seen_then,
+from qpavoid.compiled import compiled, compiled_once, entry, entry_if
+from qpavoid.model.capsules import CAPSULE_WIDTH, in_robot_frame, join_walls
+from qpavoid.model.contacts import (
+    CONTACT_WIDTH,
+    contact_table,
+    most_contacts,
+    nearest_distance,
 )
-from qpavoid.compiled import compiled, compiled_once, entry_if
-from qpavoid.model.contacts import contact_table, most_contacts, nearest_distance
-from qpavoid.model.robot import GREATEST, clipped, limits_of, twist_box
+from qpavoid.model.robot import (
+    GREATEST,
+    RELATIVE_ROUNDING,
+    clipped,
+    limits_of,
+    twist_box,
+)
 from qpavoid.qp.exact import (
     A_OMEGA,
     A_V,
     ROW_OWNER,
+    ROW_WIDTH,
     B,
     Optimum,
     Terms,
@@ -67,6 +99,7 @@ from qpavoid.qp.exact import (
 from qpavoid.qp.solve import RESIDUAL_TOLERANCE
 from qpavoid.types import (
     Array,
+    Arrays,
     Box,
     Capsules,
     Edges,
@@ -76,8 +109,136 @@ from qpavoid.types import (
     VectorWritten,
 )
 
+
+class Workspace(NamedTuple):
+    """Memory of a control step, as views of one array.
+
+    Attributes:
+        contacts: (n, :data:`CONTACT_WIDTH`) of all obstacles.
+        rows: Of the QP.
+        bodies: In reach.
+        groups: Of bodies.
+        arcs: Of a rollout.
+        tables: Of the look-ahead.
+        points: In the robot frame when the twist takes effect.
+        capsules: In that frame, with joined walls.
+        problem: See :func:`qpavoid.avoidance.step.set_problem`.
+    """
+
+    contacts: Array
+    rows: Array
+    bodies: Array
+    groups: Array
+    arcs: Array
+    tables: Tables
+    points: Array
+    capsules: Array
+    problem: Array
+
+
+PROBLEM_SIZE = 8
+"""Numbers of a QP besides its rows."""
+
+MOST_TICKS = 1e6
+"""Greatest number of control steps or ticks of a horizon."""
+
+
+@entry
+@compiled_once
+def is_counted(edges: Edges, robot: LimitVector, settings: FilterSettings) -> bool:
+    """Return whether the settings give a valid layout of the memory."""
+    s = settings[0]
+    ticks = 0.0 < s.tick and s.horizon <= MOST_TICKS * s.tick
+    steps = 0.0 < s.dt and 0.0 <= s.horizon <= MOST_TICKS * s.dt
+    pending = 0.0 <= s.delay <= MOST_PENDING * s.dt * (1.0 + RELATIVE_ROUNDING)
+    counted: bool = ticks and steps and pending and 0.0 <= s.jitter < math.inf
+    return counted
+
+
+@entry
+@compiled
+def look_ticks(settings: FilterSettings) -> int:
+    """Return the number of ticks of the horizon."""
+    ticks: int = round(settings[0].horizon / settings[0].tick)
+    return ticks
+
+
+@entry
+@compiled_once
+def memory_size(contacts: int, settings: FilterSettings) -> int:
+    """Return the numbers of memory that a step with so many contacts needs."""
+    # The sizes of `carve`: 8 rows more for the four of the wheels and the four limits
+    # of the solver. A float: an int of C could overflow.
+    sides, many = most_sides(look_ticks(settings)), float(contacts)
+    rows = many + sides + 8
+    tables = (many + contacts // FEW) * BODY
+    tables += most_arcs(settings) * ARC + sides * SIDE
+    tables += 4 * (look_ticks(settings) + 1)
+    each = CONTACT_WIDTH + 2 + CAPSULE_WIDTH
+    return int(many * each + rows * ROW_WIDTH + tables + PROBLEM_SIZE)
+
+
+@compiled_once
+def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Workspace:
+    """Return the memory as the tables of a step."""
+    sides, arcs = most_sides(look_ticks(settings)), most_arcs(settings)
+    a = contacts * CONTACT_WIDTH
+    b = a + (contacts + sides + 8) * ROW_WIDTH
+    d = b + contacts * BODY
+    e = d + contacts // FEW * BODY
+    f = e + arcs * ARC
+    g = f + sides * SIDE
+    h = g + 2 * contacts
+    i = h + CAPSULE_WIDTH * contacts
+    ticks = look_ticks(settings) + 1
+    frames = memory[i : i + 4 * ticks].reshape(ticks, 4)
+    end = i + 4 * ticks
+    return Workspace(
+        memory[:a].reshape(contacts, CONTACT_WIDTH),
+        memory[a:b].reshape(contacts + sides + 8, ROW_WIDTH),
+        memory[b:d].reshape(contacts, BODY),
+        memory[d:e].reshape(contacts // FEW, BODY),
+        memory[e:f].reshape(arcs, ARC),
+        Tables(memory[f:g].reshape(sides, SIDE), frames),
+        memory[g:h].reshape(contacts, 2),
+        memory[h:i].reshape(contacts, CAPSULE_WIDTH),
+        memory[end : end + PROBLEM_SIZE],
+    )
+
+
+@compiled
+def new_scene(
+    setup: Setup, state: Array, space: Workspace, count: int, clearance: float
+) -> Scene:
+    """Return the scene of a control step with so many bodies."""
+    (edges, robot, settings), s = setup, setup.settings[0]
+    last, pending = (state[PAST_V], state[PAST_OMEGA]), pending_pace(settings, state)
+    longest = s.dt * (1.0 + s.jitter)
+    # fmt: off
+    return Scene(edges, robot, settings, space.bodies[:count], last, pending,
+                 space.arcs, space.groups, longest, 0.0, clearance)
+    # fmt: on
+
+
+@compiled_once
+def seen_then(
+    setup: Setup, obstacles: Arrays, state: Array, space: Workspace
+) -> Arrays:
+    """Return the obstacles in the robot frame when the next twist takes effect."""
+    (_, robot, settings), (points, capsules) = setup, obstacles
+    count = join_walls(capsules, space.capsules)
+    capsules = space.capsules[:count]
+    if settings[0].delay == 0.0:
+        return points, capsules
+    at = frame_of_effect(robot, settings, state)
+    pose, seen = (at.x, at.y, math.atan2(at.sin, at.cos)), space.points
+    now, then = (points, capsules), (seen[: points.shape[0]], capsules)
+    in_robot_frame(pose, settings[0].delay, now, then)
+    return then
+
+
 WORKSPACE_TOO_SMALL = -2
-"""Code other than a status: see :func:`qpavoid.avoidance.workspace.memory_size`."""
+"""Code other than a status: see :func:`qpavoid.avoidance.step.memory_size`."""
 
 NO_ANSWER = (math.inf, math.inf)
 """Absent answer of a back end."""

@@ -2,7 +2,7 @@
 
 A plan is the twist for the coming control step, then the rest of the plan, then braking
 along the arc until the robot stands still. It is verified against all bodies in
-continuous time (:mod:`qpavoid.avoidance.advancement`). It is *clear* if the margin of
+continuous time (:mod:`qpavoid.avoidance.clearance`). It is *clear* if the margin of
 every body is at least −ε: of static bodies until the robot stands, of moving ones, with
 their velocities and inflation, up to the horizon H. The plan of the driven twist is
 retained. If no other plan is clear, its rest is driven, and at its end the robot
@@ -15,7 +15,7 @@ with d ≥ r_min − ε. Then d ≥ r_min − ε at all times; with ε < r_min t
 For any dt and any horizon.
 
 Proof. Every time of a plan is a number of whole control steps, at least one
-(:func:`qpavoid.avoidance.prediction.whole_steps`). So a plan is a sequence of twists,
+(:func:`qpavoid.avoidance.plan.whole_steps`). So a plan is a sequence of twists,
 each held for dt, and without its first step it is a plan again: the same twists, from
 the pose that this step leads to. Claim: after every step there is a plan, from the pose
 reached on, that keeps d ≥ r_min − ε until the robot stands for good. At the start that
@@ -48,17 +48,23 @@ of a plan is verified although it is clear, since a new measurement is inflated 
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.advancement import least_room, too_near
-from qpavoid.avoidance.body_table import body_at, moves
-from qpavoid.avoidance.broad_phase import UNWATCHED, Watch, keeps_all
-from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out, whole_steps
-from qpavoid.avoidance.scene import (
+from qpavoid.avoidance.bodies import (
     REPLAY_ROUNDING,
     Scene,
+    body_at,
     drifting,
+    moves,
     threshold,
     tolerance,
 )
+from qpavoid.avoidance.clearance import (
+    UNWATCHED,
+    Watch,
+    keeps_all,
+    least_room,
+    too_near,
+)
+from qpavoid.avoidance.plan import Plan, Rollout, hold, roll_out, whole_steps
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.robot import braking_steps, braking_twist, limit_twist, limits_of
 from qpavoid.types import Pair

@@ -7,13 +7,12 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+from qpavoid.avoidance.bodies import Request, Setup
 from qpavoid.avoidance.decision import INVALID, Status
-from qpavoid.avoidance.scene import Request, Setup
+from qpavoid.avoidance.inputs import OLDEST
+from qpavoid.avoidance.plan import fresh_state, set_driven
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.avoidance.state import fresh_state, set_driven
-from qpavoid.avoidance.step import NO_ANSWER, filter_outcome
-from qpavoid.avoidance.validation import OLDEST
-from qpavoid.avoidance.workspace import memory_size
+from qpavoid.avoidance.step import NO_ANSWER, filter_outcome, memory_size
 from qpavoid.errors import InvalidInputError
 from qpavoid.export.perception import PERCEPTION_FILES, perception_texts
 from qpavoid.export.translate import Translation

@@ -9,9 +9,8 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.decision import Decision, Status, blocked_if
 from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.inputs import Stamps, as_driven, caught, problem_of
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.avoidance.validation import as_driven
-from qpavoid.avoidance.watch import Stamps, caught, problem_of
 from qpavoid.errors import InvalidInputError, QPAvoidError
 from qpavoid.guide.headway import AT_GOAL, Headway, lengths, moves_near, start_row
 from qpavoid.guide.rest import EXACT, JUMP, Rest, beyond_band, is_driven

@@ -8,13 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from driven import driven_to
-from qpavoid.avoidance.advancement import least_room
-from qpavoid.avoidance.barrier_rows import R_MIN_TOLERANCE, closing_bound, row_reach
+from qpavoid.avoidance.cbf_rows import R_MIN_TOLERANCE, closing_bound, row_reach
+from qpavoid.avoidance.clearance import ArcTwist, end_time, least_room
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.prediction import hold
+from qpavoid.avoidance.plan import hold
 from qpavoid.avoidance.proposals import Query, start_twist
 from qpavoid.avoidance.settings import Actuation, AvoidanceSettings, SafetyRadius
-from qpavoid.avoidance.time_bounds import ArcTwist, end_time
 from qpavoid.avoidance.verdict import first_twist
 from qpavoid.model.contact import Contact
 from qpavoid.model.contacts import DISTANCE, contact_table, empty_contacts

@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from qpavoid.avoidance import body_table as table
-from qpavoid.avoidance import broad_phase as broad
-from qpavoid.avoidance import linearisation as lin
+from qpavoid.avoidance import bodies as table
+from qpavoid.avoidance import clearance as broad
+from qpavoid.avoidance import proposals as lin
+from qpavoid.avoidance.bodies import FEW, MOST_GROUPED, threshold, tolerance
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.groups import FEW, MOST_GROUPED
 from qpavoid.avoidance.proposals import violation
-from qpavoid.avoidance.scene import threshold, tolerance
-from qpavoid.avoidance.workspace import look_ticks
+from qpavoid.avoidance.step import look_ticks
 from qpavoid.model.obstacles import Obstacles
 from rollouts import (
     HORIZON,
@@ -51,14 +50,14 @@ def replaced(world, points):
 
 def ungrouped(scene):
     bodies = scene.bodies.copy()
-    bodies[:, table.GROUP] = -1.0
+    bodies[:, table.BODY_GROUP] = -1.0
     return scene._replace(bodies=bodies)
 
 
 def groups_of(scene):
     """Each group with the rows that it holds."""
-    for begin in np.flatnonzero(scene.bodies[:, table.GROUP] >= 0):
-        group = table.Body(*scene.groups[int(scene.bodies[begin, table.GROUP])])
+    for begin in np.flatnonzero(scene.bodies[:, table.BODY_GROUP] >= 0):
+        group = table.Body(*scene.groups[int(scene.bodies[begin, table.BODY_GROUP])])
         yield group, scene.bodies[begin : int(group.owner)]
 
 
@@ -131,7 +130,7 @@ def test_the_first_is_the_same_in_whatever_order_points_are_given(seed):
             broad.first_met(scene, rollout, watch, 0.0),
             violation(scene, rollout, -1),
         ):
-            row = scene.bodies[met.body, : table.OWNER] if met.body >= 0 else []
+            row = scene.bodies[met.body, : table.BODY_OWNER] if met.body >= 0 else []
             found.append((met.time, *row))
     assert found[:2] == found[2:]
 
@@ -144,7 +143,7 @@ def test_the_violation_is_the_hint_or_the_first_of_the_rows(seed):
     watch, slack = broad.Watch((HORIZON, 0.0), (STILL, 0.0)), 0.5 * tolerance(scene)
     count = len(scene.bodies)
     met = [broad.is_met(scene, rollout, i, watch, slack).body for i in range(count)]
-    rows = scene.bodies[:, : table.OWNER].tolist()
+    rows = scene.bodies[:, : table.BODY_OWNER].tolist()
     first = min((i for i in met if i >= 0), key=rows.__getitem__, default=-1)
     for hint in range(-1, count):
         expected = hint if hint >= 0 and met[hint] >= 0 else first

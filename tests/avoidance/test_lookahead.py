@@ -7,14 +7,13 @@ import pytest
 from hypothesis import assume, given
 
 from driven import gap_at
-from qpavoid.avoidance import body_table as table
-from qpavoid.avoidance import linearisation as lin
-from qpavoid.avoidance.advancement import least_room
-from qpavoid.avoidance.linearisation import Tables
-from qpavoid.avoidance.prediction import hold
-from qpavoid.avoidance.proposals import Query, proposal_near, violation
-from qpavoid.avoidance.scene import threshold
-from qpavoid.avoidance.workspace import look_ticks
+from qpavoid.avoidance import bodies as table
+from qpavoid.avoidance import proposals as lin
+from qpavoid.avoidance.bodies import threshold
+from qpavoid.avoidance.clearance import least_room
+from qpavoid.avoidance.plan import hold
+from qpavoid.avoidance.proposals import Query, Tables, proposal_near, violation
+from qpavoid.avoidance.step import look_ticks
 from qpavoid.model.obstacles import Obstacles
 from rollouts import (
     BOX,

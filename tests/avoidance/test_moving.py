@@ -10,8 +10,8 @@ from driven import least_on_way
 from problems import ROBOTS, Scene, loop
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.plan import UNTIL
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
-from qpavoid.avoidance.state import UNTIL
 
 SETTINGS = AvoidanceSettings(dt=0.05)
 DT, STEPS = SETTINGS.dt, 110

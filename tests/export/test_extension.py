@@ -20,10 +20,10 @@ from hostile_filters import FILTERS, in_python, problems_of
 from in_c import COMPILER
 from places import ROOT
 from qpavoid import Guide, Obstacles, Robot
+from qpavoid.avoidance.bodies import Request, Setup
 from qpavoid.avoidance.decision import Decision
-from qpavoid.avoidance.scene import Request, Setup
+from qpavoid.avoidance.plan import fresh_state
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.avoidance.state import fresh_state
 from qpavoid.avoidance.step import NO_ANSWER
 from qpavoid.compiled import ENTRIES
 from qpavoid.export.build import FLAGS, MACOS, SHARED, compile_c, system_compiler, zig
@@ -333,7 +333,7 @@ import sys
 from qpavoid import Guide, Obstacles, Robot, SafetyFilter
 from qpavoid.compiled import native_code
 from qpavoid.avoidance.step import filter_step
-from qpavoid.avoidance.repulsion import eq5
+from qpavoid.avoidance.laws import eq5
 if native_code(filter_step.py_func) is None:
     sys.exit("no extension")
 SafetyFilter(Robot.mir100()).filter(0.5, 0.1, [(2.0, 0.1)])

@@ -96,7 +96,7 @@ import numpy as np
 from qpavoid import AvoidanceSettings, Obstacles, Robot, SafetyFilter, Status
 from qpavoid.avoidance import proposals
 from qpavoid.avoidance.decision import STATUSES
-from qpavoid.avoidance.scene import Request
+from qpavoid.avoidance.bodies import Request
 from qpavoid.avoidance.step import NO_ANSWER, filter_outcome
 from qpavoid.qp.exact import Optimum
 

@@ -7,7 +7,7 @@ import pytest
 
 import ros_messages as ros
 from driven import driven_to
-from qpavoid.avoidance.freshness import Fault
+from qpavoid.avoidance.inputs import Fault
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.obstacles import Obstacles

@@ -10,7 +10,7 @@ from typing import ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
-from qpavoid.avoidance.barrier_rows import wanted_distance
+from qpavoid.avoidance.cbf_rows import wanted_distance
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Decision, Status
 from qpavoid.avoidance.proposals import SAME_TWIST

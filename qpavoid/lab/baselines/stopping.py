@@ -6,9 +6,9 @@ And the collision-free time of a constant twist among obstacles taken to be stat
 import math
 from dataclasses import dataclass
 
+from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import Status
-from qpavoid.avoidance.scene import Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled_once, entry
 from qpavoid.lab.baselines.drive import Baseline, Command

@@ -3,9 +3,9 @@
 import math
 from typing import Annotated
 
-from qpavoid.avoidance.barrier_rows import wanted_distance
+from qpavoid.avoidance.bodies import Request, Setup
+from qpavoid.avoidance.cbf_rows import wanted_distance
 from qpavoid.avoidance.decision import INVALID, REPELLED, SINGULAR, TRACKING
-from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.settings import activation
 from qpavoid.avoidance.step import Outcome, no_outcome
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
