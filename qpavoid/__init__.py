@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from qpavoid.avoidance.decision import Decision, Status
     from qpavoid.avoidance.filter import SafetyFilter
-    from qpavoid.avoidance.freshness import Freshness
+    from qpavoid.avoidance.inputs import Freshness, Stamps
     from qpavoid.avoidance.settings import (
         Actuation,
         AvoidanceSettings,
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
         Repulsion,
         SafetyRadius,
     )
-    from qpavoid.avoidance.watch import Stamps
     from qpavoid.errors import (
         ConfigError,
         DataError,
@@ -60,7 +59,7 @@ _HOME = {
     "Decision": "avoidance.decision",
     "FilterProblem": "qp.problem",
     "Footprint": "model.footprint",
-    "Freshness": "avoidance.freshness",
+    "Freshness": "avoidance.inputs",
     "Guide": "guide.guide",
     "GuideSettings": "guide.settings",
     "InvalidInputError": "errors",
@@ -82,7 +81,7 @@ _HOME = {
     "Scenario": "lab.simulation.scenario",
     "Solution": "qp.problem",
     "SolveStatus": "qp.problem",
-    "Stamps": "avoidance.watch",
+    "Stamps": "avoidance.inputs",
     "Status": "avoidance.decision",
     "UnknownNameError": "errors",
     "VelocityEstimator": "model.estimate",

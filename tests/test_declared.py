@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import pytest
 
-from qpavoid.avoidance.freshness import Freshness
+from qpavoid.avoidance.inputs import Freshness
 from qpavoid.avoidance.settings import (
     Actuation,
     AvoidanceSettings,

@@ -32,18 +32,17 @@ MOST_ARROWS = 70
 """Pairs of rooms one of which imports the other; the lowest two floors do not count."""
 
 CEILINGS = {
-    "robot": 20_529,
+    "robot": 20_212,
     "cli": 1_179,
     "lab": 13_999,
-    "comparisons": 6_993,
-    "tests": 25_987,
+    "comparisons": 6_992,
+    "tests": 25_944,
 }
 """Lines of Python; ``cli`` holds all of the package but robot and lab. These numbers
 and those of FOLDERS only fall."""
 
 MOST_FILES = 14
 FOLDERS = {
-    "qpavoid/avoidance": 30,
     "tests": 16,
     "tests/avoidance": 27,
     "tests/comparisons": 15,

@@ -3,7 +3,7 @@
 import re
 
 from places import ROOT
-from qpavoid.avoidance.freshness import Fault, Freshness
+from qpavoid.avoidance.inputs import Fault, Freshness
 
 TEXT = (ROOT / "docs" / "reliability.md").read_text()
 

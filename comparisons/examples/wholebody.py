@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from qpavoid.avoidance.barrier_rows import constraint_rows, row_reach, wheel_rows
+from qpavoid.avoidance.cbf_rows import constraint_rows, row_reach, wheel_rows
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.capsules import in_robot_frame, like

@@ -40,9 +40,8 @@ from qpavoid import (
     Stamps,
     Status,
 )
+from qpavoid.avoidance.inputs import StepWatch, as_driven
 from qpavoid.avoidance.settings import Actuation
-from qpavoid.avoidance.validation import as_driven
-from qpavoid.avoidance.watch import StepWatch
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from reliability.data import add_row

@@ -1,31 +1,29 @@
 """Bodies: obstacles within reach, or their edges, each with its required distance.
 
-In the robot frame of the present; bodies have constant velocities.
+In the robot frame of the present; bodies have constant velocities. They are rows of a
+table in the :class:`Scene`, the data shared by all predictions of a control step. Most
+points of a scan lie on a few surfaces: successive neighbouring ones are a group, and
+one check of its wall clears them all (:mod:`qpavoid.avoidance.clearance`).
 """
 
 import math
+from typing import NamedTuple
 
-from qpavoid.avoidance.barrier_rows import SPEED_AT_REST, wanted_distance
-from qpavoid.avoidance.body_table import (
-    CREEPS,
-    MOVES,
-    STANDS,
-    Body,
-    body_at,
-    line_contact_now,
-    set_body,
-    sort_bodies,
-)
-from qpavoid.avoidance.groups import group_points
-from qpavoid.avoidance.scene import Scene, look_box, tolerance
-from qpavoid.avoidance.tangent import (
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.avoidance.cbf_rows import (
     ROUNDED_IN,
+    SPEED_AT_REST,
     Tangent,
     is_behind,
     no_tangent,
     tangent_at,
+    tolerated,
+    wanted_distance,
 )
-from qpavoid.compiled import compiled_once
+from qpavoid.avoidance.settings import FilterSettings
+from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.capsules import (
     OWNER,
     PIVOT_X,
@@ -39,11 +37,294 @@ from qpavoid.model.capsules import (
     X2,
     Y1,
     Y2,
+    Segment,
+    from_segment,
     speed_bound,
 )
+from qpavoid.model.contact import Contact, point_contact, wall_contact
 from qpavoid.model.kinematics import TINY
-from qpavoid.model.robot import limits_of, stopping_time
-from qpavoid.types import Array, Arrays, Pair
+from qpavoid.model.robot import UNLIMITED_TWIST, limits_of, stopping_time
+from qpavoid.types import Array, Arrays, Box, Edges, LimitVector, Pair
+
+REPLAY_ROUNDING = 1e-8
+"""m; tolerance of a plan's margin when it is carried on."""
+
+
+class Setup(NamedTuple):
+    """Robot and settings, constant over a run.
+
+    Attributes:
+        edges: Of the footprint.
+        robot: See :attr:`qpavoid.model.robot.Robot.limit_vector`.
+        settings: One :data:`qpavoid.avoidance.settings.RECORD`.
+    """
+
+    edges: Edges
+    robot: LimitVector
+    settings: FilterSettings
+
+
+class Request(NamedTuple):
+    """Input of a control step.
+
+    Attributes:
+        obstacles: Robot frame.
+        age: Of their measurement, s.
+        ahead: Whether to look ahead.
+        desired: v (m/s), ω (rad/s).
+    """
+
+    obstacles: Arrays
+    age: float
+    ahead: bool
+    desired: Pair
+
+
+class Scene(NamedTuple):
+    """Context of all predictions of a control step.
+
+    Attributes:
+        edges: Of the footprint.
+        robot: See :attr:`qpavoid.model.robot.Robot.limit_vector`.
+        settings: One :data:`qpavoid.avoidance.settings.RECORD`.
+        bodies: (n, ``BODY``) in reach; see :mod:`qpavoid.avoidance.bodies`.
+        last: v, ω driven last.
+        pending: Sums of |v|, m/s, and of |ω|, rad/s, over the pending steps.
+        arcs: Memory for a rollout; see :mod:`qpavoid.avoidance.plan`.
+        groups: Walls, each containing successive bodies. The ``owner`` is the number of
+            the body after them.
+        longest: Greatest duration of a control step, s.
+        drift: Velocity error of the robot, m/s; static bodies grow by it.
+        clearance: Of the nearest obstacle, m.
+    """
+
+    edges: Array
+    robot: Array
+    settings: npt.NDArray[np.void]
+    bodies: Array
+    last: Pair
+    pending: Pair
+    arcs: Array
+    groups: Array
+    longest: float
+    drift: float
+    clearance: float
+
+
+@compiled
+def drifting(scene: Scene, drift: float) -> Scene:
+    """Return the scene with a velocity error of the robot, m/s."""
+    # Compiled functions have no NamedTuple._replace.
+    e, r, s, bodies, last, pending, arcs, groups, longest, _, near = scene
+    return Scene(e, r, s, bodies, last, pending, arcs, groups, longest, drift, near)
+
+
+@compiled
+def of_groups(scene: Scene) -> Scene:
+    """Return the scene whose bodies are the groups."""
+    e, r, s, _, last, pending, arcs, groups, longest, drift, near = scene
+    return Scene(e, r, s, groups, last, pending, arcs, groups, longest, drift, near)
+
+
+@compiled
+def tolerance(scene: Scene) -> float:
+    """Return ε, m."""
+    return tolerated(scene.settings)
+
+
+@compiled
+def threshold(scene: Scene) -> float:
+    """Return −ε: the least margin of a clear plan, m."""
+    return -tolerance(scene) - REPLAY_ROUNDING
+
+
+@compiled_once
+def look_box(robot: Array) -> Box:
+    """Return the limits of the look-ahead's target twist."""
+    limits = limits_of(robot)
+    return Box(
+        max(limits.v_min, -UNLIMITED_TWIST),
+        min(limits.v_max, UNLIMITED_TWIST),
+        max(limits.omega_min, -UNLIMITED_TWIST),
+        min(limits.omega_max, UNLIMITED_TWIST),
+    )
+
+
+class Body(NamedTuple):
+    """A moving segment with its required distance: r_min and the inflation.
+
+    Attributes:
+        x: Of the pivot, m.
+        y: Of the pivot, m.
+        x1: Of one end from the pivot, m.
+        y1: Of one end from the pivot, m.
+        x2: Of the other end.
+        y2: Of the other end.
+        v_x: Of the pivot, m/s.
+        v_y: Of the pivot, m/s.
+        turn: rad/s.
+        keep: Required distance: radius, inflation, r_min; m.
+        inflation: Required distance minus r_min, m.
+        spread: Radius about the pivot of segment and required distance, m.
+        speed: Greatest of its points, m/s.
+        growth: Rate of growth of the required distance, m/s.
+        kind: :data:`STANDS`, :data:`MOVES` or :data:`CREEPS`.
+        owner: Number of the obstacle.
+        now: Present margin of a static body inside r_min, m, else ``inf``.
+        group: Number of the group that begins with it, or −1.
+        sigma: σ of the velocity of a moving body, m/s.
+    """
+
+    x: float
+    y: float
+    x1: float
+    y1: float
+    x2: float
+    y2: float
+    v_x: float
+    v_y: float
+    turn: float
+    keep: float
+    inflation: float
+    spread: float
+    speed: float
+    growth: float
+    kind: float
+    owner: float
+    now: float
+    group: float
+    sigma: float
+
+
+BODY = len(Body._fields)
+
+BODY_KIND, BODY_OWNER, BODY_GROUP = map(Body._fields.index, ("kind", "owner", "group"))
+
+STANDS, MOVES, CREEPS = 0.0, 1.0, 2.0
+"""Kinds: static, moving, and, without look-ahead, a slow obstacle modelled as static
+and growing at its speed."""
+
+
+@compiled
+def body_at(scene: Scene, i: int) -> Body:
+    """Return row i of the table."""
+    b = scene.bodies[i]
+    # fmt: off
+    return Body(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], b[10],
+                b[11], b[12], b[13], b[14], b[15], b[16], b[17], b[18])
+    # fmt: on
+
+
+@compiled
+def set_body(bodies: Array, i: int, body: Body) -> None:
+    """Write row i of the table."""
+    b = bodies[i]
+    b[0], b[1], b[2], b[3] = body.x, body.y, body.x1, body.y1
+    b[4], b[5], b[6], b[7] = body.x2, body.y2, body.v_x, body.v_y
+    b[8], b[9], b[10], b[11] = body.turn, body.keep, body.inflation, body.spread
+    b[12], b[13], b[14], b[15] = body.speed, body.growth, body.kind, body.owner
+    b[16], b[17], b[18] = body.now, body.group, body.sigma
+
+
+@compiled_once
+def comes_first(bodies: Array, i: int, j: int) -> bool:
+    """Return whether row i is before row j in lexicographic order."""
+    for column in range(BODY_OWNER):
+        if bodies[i, column] != bodies[j, column]:
+            return bool(bodies[i, column] < bodies[j, column])
+    return False
+
+
+@compiled_once
+def sort_bodies(bodies: Array) -> None:
+    """Sort the rows by Shell's method, independent of the order of input."""
+    # Not numpy's sort, which allocates and is not in the C export.
+    gap = count = bodies.shape[0]
+    while gap > 1:
+        gap = max(gap * 5 // 11, 1)
+        for i in range(gap, count):
+            j = i - gap
+            while j >= 0 and comes_first(bodies, j + gap, j):
+                for column in range(bodies.shape[1]):
+                    kept = bodies[j, column]
+                    bodies[j, column] = bodies[j + gap, column]
+                    bodies[j + gap, column] = kept
+                j -= gap
+
+
+@compiled
+def moves(scene: Scene, i: int) -> bool:
+    """Return whether body i moves."""
+    return bool(scene.bodies[i, BODY_KIND] == MOVES)
+
+
+@compiled_once
+def any_moves(scene: Scene) -> bool:
+    """Return whether any body in reach moves."""
+    for i in range(scene.bodies.shape[0]):
+        if moves(scene, i):
+            return True
+    return False
+
+
+@compiled
+def is_point(body: Body) -> bool:
+    """Return whether a body has no length."""
+    return body.spread == body.keep
+
+
+@compiled_once
+def line_contact_now(edges: Array, body: Body) -> Contact:
+    """Return the present contact of the footprint with the segment of a body."""
+    x, y = body.x, body.y
+    if is_point(body):
+        return point_contact(edges, x, y)
+    wall = Segment(x + body.x1, y + body.y1, x + body.x2, y + body.y2)
+    return wall_contact(edges, wall)
+
+
+FEW, MOST_GROUPED, WIDEST_GROUP = 4, 32, 0.3
+"""Least and greatest number of points of a group; greatest distance of its last point
+from the first, as a share of their range."""
+
+
+@compiled_once
+def group_points(scene: Scene, count: int) -> None:
+    """Group successive neighbouring points, as those of a scan."""
+    bodies, begin, made = scene.bodies, 0, 0
+    for i in range(1, count + 1):
+        a, b = bodies[begin], bodies[min(i, count - 1)]
+        square = (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2
+        # In proportion to the range: a distant wall may be longer.
+        near = square < WIDEST_GROUP * WIDEST_GROUP * (a[0] ** 2 + a[1] ** 2)
+        if i < count and i - begin < MOST_GROUPED and near:
+            continue
+        if i - begin >= FEW and made < scene.groups.shape[0]:
+            set_body(scene.groups, made, group_of(scene, begin, i))
+            bodies[begin, BODY_GROUP] = made
+            made += 1
+        begin = i
+
+
+@compiled_once
+def group_of(scene: Scene, begin: int, end: int) -> Body:
+    """Return a wall whose margin is at most that of any of these points."""
+    one, other = body_at(scene, begin), body_at(scene, end - 1)
+    axis = Segment(one.x, one.y, other.x, other.y)
+    keep, r_min, z = 0.0, math.inf, 0.0
+    for i in range(begin, end):
+        body = body_at(scene, i)
+        d_x, d_y = from_segment(axis, body.x, body.y)
+        # The axis joins the first and the last point; the required distance includes
+        # the greatest deviation from it. TINY covers rounding.
+        keep = max(keep, body.keep + math.sqrt(d_x * d_x + d_y * d_y) + TINY)
+        r_min = min(r_min, body.keep - body.inflation)
+    x, y = 0.5 * (one.x + other.x), 0.5 * (one.y + other.y)
+    x1, y1, x2, y2 = one.x - x, one.y - y, other.x - x, other.y - y
+    spread = keep + math.sqrt(max(x1**2 + y1**2, x2**2 + y2**2))
+    # fmt: off
+    return Body(x, y, x1, y1, x2, y2, z, z, z, keep, keep - r_min, spread, z, z,
+                STANDS, float(end), math.inf, -1.0, z)
 
 
 @compiled_once
@@ -99,7 +380,7 @@ def bodies_in_reach(scene: Scene, obstacles: Arrays, age: float, horizon: float)
 def tangent_of_nearest(scene: Scene, count: int, side: Pair) -> Tangent:
     """Return the tangent of the nearest static body inside r_min, not in contact.
 
-    With its inflation. Arguments as :func:`qpavoid.avoidance.tangent.nearest_tangent`.
+    With its inflation. Arguments as :func:`qpavoid.avoidance.cbf_rows.nearest_tangent`.
     """
     slack, nearest = tolerance(scene), no_tangent(side)
     near = scene.settings[0].r_min_slow - slack - ROUNDED_IN

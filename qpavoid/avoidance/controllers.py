@@ -6,10 +6,10 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from qpavoid.avoidance.bodies import Request, Setup
 from qpavoid.avoidance.decision import INVALID, STATUSES, Decision
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.repulsion import repulsion_step
-from qpavoid.avoidance.scene import Request, Setup
+from qpavoid.avoidance.laws import repulsion_step
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.contacts import empty_contacts

@@ -225,9 +225,6 @@ class LookAhead:
             to the radius.
         hysteresis: Relative cost by which another passing side must be cheaper.
         review: Period of the search for another passing side, s.
-        closest: Minimum static clearance, m, that replaces r_min of static obstacles
-            where a moving one would touch the robot otherwise; at least 0.01. ``inf``:
-            r_min is always kept.
     """
 
     horizon: Annotated[float, "s", POSITIVE] = 3.0
@@ -235,7 +232,6 @@ class LookAhead:
     tick: Annotated[float, "s", POSITIVE] = 0.05
     hysteresis: Annotated[float, Range(ge=0.0, lt=1.0)] = 0.4
     review: Annotated[float, "s", NOT_NEGATIVE] = 0.4
-    closest: Annotated[float, "m", Range(ge=0.01)] = 0.02
 
     def __post_init__(self) -> None:
         wants = "look-ahead needs"
@@ -270,7 +266,7 @@ class AvoidanceSettings:
             faster loop only makes it more conservative, in a slower one nothing is
             guaranteed. In a scenario it is the scenario's own.
         braking_room: Drive only twists that allow a stop; see
-            :mod:`qpavoid.avoidance.judge`. Off, nothing is guaranteed.
+            :mod:`qpavoid.avoidance.verdict`. Off, nothing is guaranteed.
         passive: If every predicted motion has a contact, brake in time to be at rest
             when it happens; see the same module.
     """

@@ -1,61 +1,77 @@
-"""One control step of the filter: prepare, solve, verify; else fall back.
+"""One control step of the filter: the plan is selected, its first twist driven.
 
-``prepare`` predicts and writes the QP. ``decide`` solves it exactly, or takes the
-solution of a back end, certifies it and lets the judge verify its plan. A rejected
-solution is solved again within a trust region about a feasible twist: a half and a
-quarter as wide. If all are rejected, or no single twist is feasible, the fallback
-policy decides: :mod:`qpavoid.avoidance.ladder`.
+The obstacles are those at the time when the twist takes effect. Every QP is stated for
+a target twist; with limited accelerations the first step towards it is driven. All
+memory of a step is one array, see :class:`Workspace`.
 """
 
 import math
+from typing import NamedTuple
 
-from qpavoid.avoidance.barrier_rows import (
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.avoidance.bodies import (
+    BODY,
+    FEW,
+    Request,
+    Scene,
+    Setup,
+    bodies_in_reach,
+    look_box,
+    threshold,
+)
+from qpavoid.avoidance.cbf_rows import (
     BARRIER,
     constraint_rows,
     may_be_here,
     row_reach,
+    turn_to_walls,
     wanted_distance,
-    wheel_rows,
 )
-from qpavoid.avoidance.bodies import bodies_in_reach
-from qpavoid.avoidance.broad_phase import Meeting
-from qpavoid.avoidance.decision import FILTERED, INVALID, RELAXED, STOPPED, TRACKING
-from qpavoid.avoidance.judge import first_twist
-from qpavoid.avoidance.ladder import (
-    AGAIN,
-    READY,
-    ROW_ROUNDING,
-    WORKSPACE_TOO_SMALL,
-    Outcome,
-    Prepared,
-    fall_back,
-    judged,
-    unsolved,
+from qpavoid.avoidance.decision import (
+    BRAKING,
+    FILTERED,
+    HOLDING,
+    INVALID,
+    PLANNED,
+    RELAXED,
+    STOPPED,
+    TRACKING,
 )
-from qpavoid.avoidance.linearisation import Tables, linearised_rows, most_sides
-from qpavoid.avoidance.lookahead import Query, driven_on
-from qpavoid.avoidance.prediction import Plan, hold
-from qpavoid.avoidance.scene import Request, Scene, Setup, look_box
-from qpavoid.avoidance.settings import FilterSettings
-from qpavoid.avoidance.state import (
+from qpavoid.avoidance.plan import (
+    ARC,
     END,
-    FREE,
+    NEW_PLAN,
+    PAST_OMEGA,
+    PAST_V,
     ROUND,
+    SHARE,
     STUCK,
+    TARGET_MODE,
     FilterStateWritten,
+    Plan,
+    frame_of_effect,
+    hold,
     keep_plan,
+    most_arcs,
+    pending_pace,
 )
-from qpavoid.avoidance.tangent import turn_to_walls
-from qpavoid.avoidance.target import Target, choose_target
-from qpavoid.avoidance.workspace import (
-    carve,
-    is_counted,
-    look_ticks,
-    memory_size,
-    new_scene,
-    seen_then,
+from qpavoid.avoidance.proposals import (
+    SIDE,
+    Problem,
+    Query,
+    Tables,
+    most_sides,
+    qp_of,
+    snapped,
+    solution,
 )
+from qpavoid.avoidance.selection import SHARES, Choice, fallback, select, select_now
+from qpavoid.avoidance.settings import MOST_PENDING, FilterSettings
+from qpavoid.avoidance.verdict import first_twist, verdict
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
+from qpavoid.model.capsules import CAPSULE_WIDTH, in_robot_frame, join_walls
 from qpavoid.model.contacts import (
     CONTACT_WIDTH,
     contact_table,
@@ -64,7 +80,7 @@ from qpavoid.model.contacts import (
 )
 from qpavoid.model.robot import (
     GREATEST,
-    braking_twist,
+    RELATIVE_ROUNDING,
     clipped,
     limits_of,
     twist_box,
@@ -73,15 +89,17 @@ from qpavoid.qp.exact import (
     A_OMEGA,
     A_V,
     ROW_OWNER,
+    ROW_WIDTH,
     B,
+    Optimum,
     Terms,
     certificate,
     relaxation,
-    solve_exactly,
 )
 from qpavoid.qp.solve import RESIDUAL_TOLERANCE
 from qpavoid.types import (
     Array,
+    Arrays,
     Box,
     Capsules,
     Edges,
@@ -91,249 +109,369 @@ from qpavoid.types import (
     VectorWritten,
 )
 
-SAME_TWIST = 1e-9
-"""m/s and rad/s; tolerance of equal twists."""
 
-TRUST = (math.inf, 0.5, 0.25)
-"""Size of the trust region per attempt, relative to the first step from the anchor."""
+class Workspace(NamedTuple):
+    """Memory of a control step, as views of one array.
+
+    Attributes:
+        contacts: (n, :data:`CONTACT_WIDTH`) of all obstacles.
+        rows: Of the QP.
+        bodies: In reach.
+        groups: Of bodies.
+        arcs: Of a rollout.
+        tables: Of the look-ahead.
+        points: In the robot frame when the twist takes effect.
+        capsules: In that frame, with joined walls.
+        problem: See :func:`qpavoid.avoidance.step.set_problem`.
+    """
+
+    contacts: Array
+    rows: Array
+    bodies: Array
+    groups: Array
+    arcs: Array
+    tables: Tables
+    points: Array
+    capsules: Array
+    problem: Array
+
+
+PROBLEM_SIZE = 8
+"""Numbers of a QP besides its rows."""
+
+MOST_TICKS = 1e6
+"""Greatest number of control steps or ticks of a horizon."""
+
+
+@entry
+@compiled_once
+def is_counted(edges: Edges, robot: LimitVector, settings: FilterSettings) -> bool:
+    """Return whether the settings give a valid layout of the memory."""
+    s = settings[0]
+    ticks = 0.0 < s.tick and s.horizon <= MOST_TICKS * s.tick
+    steps = 0.0 < s.dt and 0.0 <= s.horizon <= MOST_TICKS * s.dt
+    pending = 0.0 <= s.delay <= MOST_PENDING * s.dt * (1.0 + RELATIVE_ROUNDING)
+    counted: bool = ticks and steps and pending and 0.0 <= s.jitter < math.inf
+    return counted
+
+
+@entry
+@compiled
+def look_ticks(settings: FilterSettings) -> int:
+    """Return the number of ticks of the horizon."""
+    ticks: int = round(settings[0].horizon / settings[0].tick)
+    return ticks
+
+
+@entry
+@compiled_once
+def memory_size(contacts: int, settings: FilterSettings) -> int:
+    """Return the numbers of memory that a step with so many contacts needs."""
+    # The sizes of `carve`: 8 rows more for the four of the wheels and the four limits
+    # of the solver. A float: an int of C could overflow.
+    sides, many = most_sides(look_ticks(settings)), float(contacts)
+    rows = many + sides + 8
+    tables = (many + contacts // FEW) * BODY
+    tables += most_arcs(settings) * ARC + sides * SIDE
+    tables += 4 * (look_ticks(settings) + 1)
+    each = CONTACT_WIDTH + 2 + CAPSULE_WIDTH
+    return int(many * each + rows * ROW_WIDTH + tables + PROBLEM_SIZE)
+
+
+@compiled_once
+def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Workspace:
+    """Return the memory as the tables of a step."""
+    sides, arcs = most_sides(look_ticks(settings)), most_arcs(settings)
+    a = contacts * CONTACT_WIDTH
+    b = a + (contacts + sides + 8) * ROW_WIDTH
+    d = b + contacts * BODY
+    e = d + contacts // FEW * BODY
+    f = e + arcs * ARC
+    g = f + sides * SIDE
+    h = g + 2 * contacts
+    i = h + CAPSULE_WIDTH * contacts
+    ticks = look_ticks(settings) + 1
+    frames = memory[i : i + 4 * ticks].reshape(ticks, 4)
+    end = i + 4 * ticks
+    return Workspace(
+        memory[:a].reshape(contacts, CONTACT_WIDTH),
+        memory[a:b].reshape(contacts + sides + 8, ROW_WIDTH),
+        memory[b:d].reshape(contacts, BODY),
+        memory[d:e].reshape(contacts // FEW, BODY),
+        memory[e:f].reshape(arcs, ARC),
+        Tables(memory[f:g].reshape(sides, SIDE), frames),
+        memory[g:h].reshape(contacts, 2),
+        memory[h:i].reshape(contacts, CAPSULE_WIDTH),
+        memory[end : end + PROBLEM_SIZE],
+    )
 
 
 @compiled
-def is_near(one: Pair, other: Pair) -> bool:
-    """Return whether two twists are equal, to :data:`SAME_TWIST`."""
-    d_v, d_omega = abs(one[0] - other[0]), abs(one[1] - other[1])
-    return d_v <= SAME_TWIST and d_omega <= SAME_TWIST
-
-
-@entry_if(is_counted)
-@compiled_once
-def prepare(
-    setup: Setup, request: Request, state: FilterStateWritten, memory: VectorWritten
-) -> Prepared:
-    """Predict and write the QP; invalid data leave ``state`` unchanged."""
-    (edges, robot, settings), last = setup, (state[0], state[1])
-    obstacles, age, ahead, desired = request
-    s, most = settings[0], most_contacts(edges, obstacles)
-    code, clearance, m, n_hard, old = WORKSPACE_TOO_SMALL, math.inf, 0, 0, False
-    ahead = ahead and s.bound == BARRIER
-    box = twist_box(robot, last[0], last[1], s.dt)
-    wish = clipped(desired, Box(-GREATEST, GREATEST, -GREATEST, GREATEST))
-    fits = memory.shape[0] >= memory_size(most, settings)
-    # Too small: laid out for 0 contacts; the caller enlarges the memory and retries.
-    space = carve(memory, most if fits else 0, settings)
-    if fits:
-        # From here on in the robot frame at the time when this twist takes effect.
-        obstacles = seen_then(setup, obstacles, state, space)
-        reach = row_reach(robot, settings, obstacles[1], age)
-        radius, code = limits_of(robot).circumradius, READY
-        n, nearest = contact_table(edges, radius, obstacles, reach, space.contacts)
-        if nearest == -2 or not (
-            math.isfinite(desired[0]) and math.isfinite(desired[1])
-        ):
-            code = INVALID
-        else:
-            clearance = nearest_distance(space.contacts, nearest)
-            _, near = wanted_distance(settings, 0.0, age)
-            if ahead and clearance < near:
-                turn_to_walls(edges, space.contacts[:n], near)
-            m = constraint_rows(
-                space.contacts[:n], robot, settings, box, age, ahead, space.rows
-            )
-            old = s.bound == BARRIER and may_be_here(space.contacts[:n], settings, age)
-            n_hard = wheel_rows(robot, space.rows[m:])
-            m += n_hard
-    count = 0
-    if code == READY and s.bound == BARRIER and not old:
-        scene = new_scene(setup, state, space, most)
-        count = bodies_in_reach(scene, obstacles, age, s.horizon if ahead else 0.0)
-    scene = new_scene(setup, state, space, count)
-    anchor, rest = braking_twist(robot, last[0], last[1], s.dt), (0.0, 0.0)
-    target = Target(hold(anchor[0], anchor[1], s.dt), FREE, 0.0, -1)
-    if old:
-        # The data are too old: no plan is searched, none retained.
-        target, state[END] = Target(target.plan, STUCK, 0.0, -1), 0.0
-    elif code == READY and ahead:
-        limits, many = look_box(robot), max(1, round(s.tick / s.dt))
-        query = Query(limits, clipped(wish, limits), many, space.tables)
-        target = choose_target(scene, query, state)
-        anchor = first_twist(scene, target.plan)
-        rest = left_after(scene, target.plan, anchor)
-        if target.mode == ROUND:
-            more = add_ahead(scene, target, query, space.rows[m:])
-            m, n_hard = m + more, n_hard + more
+def new_scene(
+    setup: Setup, state: Array, space: Workspace, count: int, clearance: float
+) -> Scene:
+    """Return the scene of a control step with so many bodies."""
+    (edges, robot, settings), s = setup, setup.settings[0]
+    last, pending = (state[PAST_V], state[PAST_OMEGA]), pending_pace(settings, state)
+    longest = s.dt * (1.0 + s.jitter)
     # fmt: off
-    return Prepared(code, clearance, most, count, m, n_hard, last, box, wish,
-                    (wish[0] - rest[0], wish[1] - rest[1]), rest, anchor, target, ahead)
+    return Scene(edges, robot, settings, space.bodies[:count], last, pending,
+                 space.arcs, space.groups, longest, 0.0, clearance)
     # fmt: on
 
 
 @compiled_once
-def left_after(scene: Scene, plan: Plan, twist: Pair) -> Pair:
-    """Return the difference from a twist to the first target of a plan."""
-    half = 0.5 * scene.settings[0].dt
-    if plan.switch < half or plan.end < half:
-        return 0.0, 0.0
-    return plan.v - twist[0], plan.omega - twist[1]
+def seen_then(
+    setup: Setup, obstacles: Arrays, state: Array, space: Workspace
+) -> Arrays:
+    """Return the obstacles in the robot frame when the next twist takes effect."""
+    (_, robot, settings), (points, capsules) = setup, obstacles
+    count = join_walls(capsules, space.capsules)
+    capsules = space.capsules[:count]
+    if settings[0].delay == 0.0:
+        return points, capsules
+    at = frame_of_effect(robot, settings, state)
+    pose, seen = (at.x, at.y, math.atan2(at.sin, at.cos)), space.points
+    now, then = (points, capsules), (seen[: points.shape[0]], capsules)
+    in_robot_frame(pose, settings[0].delay, now, then)
+    return then
 
 
-@compiled_once
-def add_ahead(scene: Scene, target: Target, query: Query, rows: Array) -> int:
-    """Add the rows of the last linearisation, about the target; return their number.
+WORKSPACE_TOO_SMALL = -2
+"""Code other than a status: see :func:`qpavoid.avoidance.step.memory_size`."""
 
-    Hard rows. With ``rest`` the target is u + rest, and the row a·(u + rest) ≥ b. They
-    are relaxed to what the first twist satisfies.
+NO_ANSWER = (math.inf, math.inf)
+"""Absent answer of a back end."""
+
+SEPARATION = 1e-3
+"""s; factor of the rows of the present in a QP with look-ahead, where other rows are in
+metres. Small: of conflicting rows these are relaxed."""
+
+
+class Outcome(NamedTuple):
+    """Result of a control step.
+
+    Attributes:
+        code: Number of the status.
+        v: m/s.
+        omega: rad/s.
+        clearance: Of the nearest obstacle, m.
+        slack: Relaxation of the rows, m/s.
+        residual: Of the certificate.
+        shortfall: Predicted violation of r_min of moving obstacles, m.
+        first: Obstacle of an active constraint, or −1.
+        second: Another one, or −1.
     """
-    anchor = first_twist(scene, target.plan)
-    plan = target.plan
-    rollout = driven_on(scene, query, (plan.v, plan.omega))
-    tables = Tables(query.tables.sides, rows, query.tables.frames)
-    count = linearised_rows(scene, rollout, Meeting(-1, 0.0), tables)
-    for i in range(count):
-        a_v, a_omega = rows[i, A_V], rows[i, A_OMEGA]
-        has = a_v * anchor[0] + a_omega * anchor[1] - ROW_ROUNDING
-        # The rows constrain the plan's target; the QP's twist is the first step to it.
-        b = rows[i, B] - a_v * (plan.v - anchor[0]) - a_omega * (plan.omega - anchor[1])
-        rows[i, B] = min(b, has)
-    return count
+
+    code: int
+    v: float
+    omega: float
+    clearance: float
+    slack: float
+    residual: float
+    shortfall: float
+    first: int
+    second: int
 
 
-@entry
-@compiled_once
-def is_attempt(prepared: Prepared, attempt: int) -> bool:
-    """Return whether ``attempt`` is the number of an attempt."""
-    return 0 <= attempt < len(TRUST)
-
-
-@entry_if(is_attempt)
-@compiled_once
-def trust_box(prepared: Prepared, attempt: int, rejected: Pair) -> Box:
-    """Return the limits of an attempt: the trust region within the box."""
-    if attempt == 0:
-        return prepared.box
-    box, share = prepared.box, TRUST[attempt]
-    v, omega = clipped(prepared.anchor, box)
-    d_v, d_omega = share * abs(rejected[0] - v), share * abs(rejected[1] - omega)
-    return Box(
-        max(box.v_min, v - d_v),
-        min(box.v_max, v + d_v),
-        max(box.omega_min, omega - d_omega),
-        min(box.omega_max, omega + d_omega),
-    )
-
-
-@entry
 @compiled
-def attempts(prepared: Prepared) -> int:
-    """Return the number of attempts; 0 if no single twist is feasible."""
-    return len(TRUST) if prepared.target.mode <= ROUND else 0
+def no_outcome(code: int) -> Outcome:
+    """Return the outcome of a step that could not be computed."""
+    return Outcome(code, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, -1, -1)
 
 
-@entry
-@compiled_once
-def is_prepared(
-    setup: Setup, prepared: Prepared, memory: VectorWritten, attempt: int
-) -> bool:
-    """Return whether the memory fits what was prepared in it."""
-    if not is_counted(setup.edges, setup.robot, setup.settings):
-        return False
-    most, m, given = prepared.most, prepared.m, memory.shape[0]
-    if not (prepared.code == READY and 0 <= most <= given // CONTACT_WIDTH):
-        return False
-    counts = 0 <= prepared.n_hard <= m and 0 <= prepared.bodies <= most
-    rows = most + most_sides(look_ticks(setup.settings)) + 4
-    fits: bool = given >= memory_size(most, setup.settings) and m <= rows
-    return counts and fits and attempt >= 0
-
-
-@entry_if(is_prepared)
-@compiled_once
-def decide(
-    setup: Setup,
-    prepared: Prepared,
-    memory: VectorWritten,
-    attempt: int,
-    rejected: Pair,
-    answer: Pair,
-    state: FilterStateWritten,
-) -> Outcome:
-    """Return the outcome of an attempt, or :data:`AGAIN` with the rejected twist.
-
-    Args:
-        setup: Footprint, limits and settings.
-        prepared: The QP.
-        memory: In which it was prepared.
-        attempt: Its number, see :data:`TRUST`; after the last one the fallbacks follow.
-        rejected: Twist of the first attempt.
-        answer: Of a back end; infinite: none, the QP is solved here; NaN: it failed.
-        state: Updated if the twist is driven.
-    """
-    s, space = setup.settings[0], carve(memory, prepared.most, setup.settings)
-    scene = new_scene(setup, state, space, prepared.bodies)
-    if attempt >= attempts(prepared):
-        return fall_back(scene, prepared, unsolved(AGAIN, rejected, 0.0), state)
-    rows, n_hard, desired = (
-        space.rows[: prepared.m + 4],
-        prepared.n_hard,
-        prepared.desired,
-    )
-    box, weights = trust_box(prepared, attempt, rejected), (s.weight_v, s.weight_omega)
-    terms = Terms(box, desired, weights, n_hard)
-    solved = solve_exactly(rows, terms, s.slack_tolerance)
-    twist, slack = (solved.v, solved.omega), solved.slack
-    if not (math.isinf(answer[0]) or math.isinf(answer[1])):
-        twist = answer
-    relaxed = relaxation(slack, s.slack_tolerance)
-    violation, gap = certificate(rows, terms, relaxed, twist)
-    residual = max(violation, gap)
-    if not (solved.found and residual <= RESIDUAL_TOLERANCE):
-        failed = unsolved(STOPPED, prepared.anchor, residual)
-        return fall_back(scene, prepared, failed, state)
-    # A solver's rounding: the anchor is verified, and the desired twist is `tracking`.
-    if is_near(twist, prepared.anchor):
-        twist = prepared.anchor
-    if is_near(twist, prepared.wish):
-        twist = prepared.wish
-    plan = judged(scene, prepared, twist)
-    if plan.end == 0.0:
-        return unsolved(AGAIN, twist if attempt == 0 else rejected, 0.0)
-    code = TRACKING if twist == prepared.wish else FILTERED
-    if slack > 0.0:
-        code = RELAXED
-    keep_plan(state, twist, plan, s.horizon, s.dt)
-    first, second = holders(rows, prepared, solved.first, solved.second)
-    (v, omega), clearance = twist, prepared.clearance
-    return Outcome(code, v, omega, clearance, slack, residual, 0.0, first, second)
-
-
-@compiled_once
-def holders(rows: Array, prepared: Prepared, one: int, other: int) -> tuple[int, int]:
-    """Return the obstacles of the active rows, and of the target; −1: none."""
-    m = prepared.m
-    first = int(rows[one, ROW_OWNER]) if 0 <= one < m else -1
-    second = int(rows[other, ROW_OWNER]) if 0 <= other < m else -1
-    if second < 0:
-        second = prepared.target.owner
-    return (first, second) if first >= 0 else (second, -1)
-
-
+@entry_if(is_counted)
 @compiled_once
 def filter_outcome(
-    setup: Setup, request: Request, state: Array, memory: Array
+    setup: Setup,
+    request: Request,
+    answer: Pair,
+    state: FilterStateWritten,
+    memory: VectorWritten,
 ) -> Outcome:
     """Return the outcome of one control step, and update ``state``.
 
     Invalid data leave the state unchanged. ``memory`` holds :func:`memory_size`
     numbers; if fewer, the code is :data:`WORKSPACE_TOO_SMALL`.
+
+    Args:
+        setup: Footprint, limits and settings.
+        request: Obstacles and command.
+        answer: Of a back end to the QP that a step without it leaves in memory; NaN: it
+            failed.
+        state: Updated.
+        memory: Overwritten.
     """
-    prepared = prepare(setup, request, state, memory)
-    outcome = unsolved(prepared.code, (0.0, 0.0), 0.0)
-    rejected, none = prepared.anchor, (math.inf, math.inf)
-    for attempt in range(attempts(prepared) + 1 if prepared.code == READY else 0):
-        outcome = decide(setup, prepared, memory, attempt, rejected, none, state)
-        if outcome.code != AGAIN:
-            break
-        rejected = (outcome.v, outcome.omega)
-    return outcome
+    (edges, robot, settings), s = setup, setup.settings[0]
+    most = most_contacts(edges, request.obstacles)
+    if memory.shape[0] < memory_size(most, settings):
+        return no_outcome(WORKSPACE_TOO_SMALL)
+    space, (v, omega) = carve(memory, most, settings), request.desired
+    obstacles = seen_then(setup, request.obstacles, state, space)
+    reach = row_reach(robot, settings, obstacles[1], request.age)
+    radius = limits_of(robot).circumradius
+    n, nearest = contact_table(edges, radius, obstacles, reach, space.contacts)
+    if nearest == -2 or not (math.isfinite(v) and math.isfinite(omega)):
+        return no_outcome(INVALID)
+    clearance, contacts = nearest_distance(space.contacts, nearest), space.contacts[:n]
+    barrier, age, count = s.bound == BARRIER, request.age, 0
+    ahead = request.ahead and barrier
+    old = barrier and may_be_here(contacts, settings, age)
+    scene = new_scene(setup, state, space, most, clearance)
+    if barrier and not old:
+        count = bodies_in_reach(scene, obstacles, age, s.horizon if ahead else 0.0)
+    scene = new_scene(setup, state, space, count, clearance)
+    query = query_of(scene, request, space, contacts)
+    if old:
+        # No plan is searched, none retained.
+        state[END] = 0.0
+        choice = fallback(scene, query, state, -1)
+    elif ahead:
+        choice = select(scene, query, state)
+    else:
+        choice = select_now(scene, query, state)
+    return driven(scene, query, choice, answer, space, state)
+
+
+@compiled_once
+def query_of(
+    scene: Scene, request: Request, space: Workspace, contacts: Array
+) -> Query:
+    """Return the problem of a step, with the rows of the present."""
+    s, robot, last, age = scene.settings[0], scene.robot, scene.last, request.age
+    ahead = request.ahead and s.bound == BARRIER
+    wish = clipped(request.desired, Box(-GREATEST, GREATEST, -GREATEST, GREATEST))
+    box, rows = twist_box(robot, last[0], last[1], s.dt), space.rows
+    if ahead:
+        box = look_box(robot)
+        _, near = wanted_distance(scene.settings, 0.0, age)
+        if scene.clearance < near:
+            turn_to_walls(scene.edges, contacts, near)
+    m = constraint_rows(contacts, robot, scene.settings, box, age, ahead, rows)
+    for i in range(m if ahead else 0):
+        for column in range(A_V, B + 1):
+            rows[i, column] *= SEPARATION
+    many, slack = max(1, round(s.tick / s.dt)), s.slack_tolerance
+    desired = clipped(wish, box) if ahead else wish
+    return Query(box, wish, desired, many, space.tables, rows, m, slack, ahead)
+
+
+@compiled_once
+def driven(
+    scene: Scene,
+    query: Query,
+    choice: Choice,
+    answer: Pair,
+    space: Workspace,
+    state: Array,
+) -> Outcome:
+    """Retain the plan of a choice; return the outcome, and leave its QP in memory."""
+    s, proposed = scene.settings[0], choice.proposal.cost < math.inf
+    answered = not (math.isinf(answer[0]) or math.isinf(answer[1]))
+    # Without a proposal: the projection of the driven twist onto the limits.
+    goal = first_twist(scene, choice.plan)
+    qp = Problem(0, Terms(query.box, goal, (s.weight_v, s.weight_omega), 0))
+    if proposed:
+        qp = qp_of(scene, query, choice.proposal)
+    set_problem(space.problem, qp)
+    found, rows = solution(query, qp), query.rows[: qp.m + 4]
+    twist = answer if answered else (found.v, found.omega)
+    relaxed = relaxation(found.slack, query.slack_tolerance)
+    residual = max(*certificate(rows, qp.terms, relaxed, twist))
+    first, second = holders(rows[: qp.m], found, choice.owner)
+    failed = not (found.found and residual <= RESIDUAL_TOLERANCE)
+    if failed:
+        choice, first, second = fallback(scene, query, state, -1), -1, -1
+    elif answered and proposed:
+        choice = answered_by(scene, query, choice, twist)
+    twist, slack = first_twist(scene, choice.plan), 0.0
+    if proposed and not failed:
+        slack = separation_missing(query, twist) if query.ahead else found.slack
+    level, least = threshold(scene), choice.margins
+    code = STOPPED if failed else code_of(scene, query, choice, twist, slack)
+    margin = least.moving
+    if least.static < level:
+        margin = min(margin, least.static)
+    state[TARGET_MODE] = choice.mode
+    if choice.mode == ROUND:
+        state[SHARE] = 0.0
+    elif choice.mode == NEW_PLAN or choice.mode == STUCK:
+        state[SHARE] = state[SHARE] % SHARES + 1.0
+    keep_plan(state, twist, choice.plan, choice.until, s.dt)
+    shortfall = -margin if margin < level else 0.0
+    # fmt: off
+    return Outcome(code, twist[0], twist[1], scene.clearance, slack, residual,
+                   shortfall, first, second)
+    # fmt: on
+
+
+@compiled_once
+def answered_by(scene: Scene, query: Query, choice: Choice, twist: Pair) -> Choice:
+    """Return the choice with the twist of a back end, if that is clear, too."""
+    twist = snapped(query, twist)
+    plan = hold(twist[0], twist[1], choice.plan.end)
+    s = scene.settings[0]
+    if s.braking_room != 0 and not verdict(scene, plan, choice.until):
+        return choice
+    _, mode, until, least, proposal, owner = choice
+    return Choice(plan, mode, until, least, proposal, owner)
+
+
+@compiled_once
+def separation_missing(query: Query, twist: Pair) -> float:
+    """Return the greatest violation of the rows of the present, m/s; 0: by rounding."""
+    rows, least = query.rows, RESIDUAL_TOLERANCE * SEPARATION
+    missing = least
+    for i in range(query.separating):
+        given = rows[i, A_V] * twist[0] + rows[i, A_OMEGA] * twist[1]
+        missing = max(missing, rows[i, B] - given)
+    return missing / SEPARATION if missing > least else 0.0
+
+
+@compiled_once
+def code_of(
+    scene: Scene, query: Query, choice: Choice, twist: Pair, slack: float
+) -> int:
+    """Return the status of a choice."""
+    level, least = threshold(scene), choice.margins
+    if choice.proposal.cost < math.inf:
+        if slack > 0.0:
+            return RELAXED
+        return TRACKING if twist == query.command else FILTERED
+    rests = twist == (0.0, 0.0)
+    if choice.mode == STUCK:
+        return HOLDING if rests else BRAKING
+    if least.moving < level or least.static < level:
+        return RELAXED
+    return HOLDING if rests and is_rest(choice.plan) else PLANNED
+
+
+@compiled
+def is_rest(plan: Plan) -> bool:
+    """Return whether a plan is standing still."""
+    first, then = (plan.v, plan.omega), (plan.v_then, plan.omega_then)
+    return first == (0.0, 0.0) and then == (0.0, 0.0)
+
+
+@compiled_once
+def holders(rows: Array, found: Optimum, owner: int) -> tuple[int, int]:
+    """Return the obstacles of the active rows, else of the command; −1: none."""
+    m, one, other = rows.shape[0], found.first, found.second
+    first = int(rows[one, ROW_OWNER]) if 0 <= one < m else -1
+    second = int(rows[other, ROW_OWNER]) if 0 <= other < m else -1
+    if second < 0:
+        second = owner
+    return (first, second) if first >= 0 else (second, -1)
+
+
+@compiled
+def set_problem(memory: Array, qp: Problem) -> None:
+    """Write a QP's number of rows, of hard ones, limits, and desired twist."""
+    box, terms = qp.terms.box, qp.terms
+    memory[0], memory[1] = qp.m, terms.n_hard
+    memory[2], memory[3] = box.v_min, box.v_max
+    memory[4], memory[5] = box.omega_min, box.omega_max
+    memory[6], memory[7] = terms.desired
 
 
 @entry_if(is_counted)
@@ -357,7 +495,7 @@ def filter_step(
     """
     setup = Setup(edges, robot, settings)
     request = Request((points, capsules), age, ahead, (v, omega))
-    o = filter_outcome(setup, request, state, memory)
+    o = filter_outcome(setup, request, NO_ANSWER, state, memory)
     # fmt: off
     return (o.code, o.v, o.omega, o.clearance, o.slack, o.residual, o.shortfall,
             o.first, o.second)

@@ -179,6 +179,9 @@ BINARY: dict[type[ast.operator], tuple[str, int]] = {
     ast.Mult: ("*", MULTIPLY),
     ast.Div: ("/", MULTIPLY),
 }
+MACROS = ("isnan(", "isinf(", "isfinite(")
+"""Tests of C that return an int other than 0."""
+
 COMPARISONS: dict[type[ast.cmpop], tuple[str, Callable[[Any, Any], bool]]] = {
     ast.Lt: ("<", operator.lt),
     ast.LtE: ("<=", operator.le),
@@ -251,7 +254,7 @@ def compared(left: Value, op: ast.cmpop, right: Value) -> Value:
     both = left.decided and right.decided
     known = holds(left.known, right.known) if both else UNKNOWN
     sides = [
-        f"(bool){side.at(UNARY)}" if side.text.startswith("is") else side.at(ADD)
+        f"(bool){side.at(UNARY)}" if side.text.startswith(MACROS) else side.at(ADD)
         for side in (left, right)
     ]
     return Value("bool", f" {sign} ".join(sides), COMPARE, known)

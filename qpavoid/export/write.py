@@ -7,13 +7,12 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+from qpavoid.avoidance.bodies import Request, Setup
 from qpavoid.avoidance.decision import INVALID, Status
-from qpavoid.avoidance.scene import Request, Setup
+from qpavoid.avoidance.inputs import OLDEST
+from qpavoid.avoidance.plan import fresh_state, set_driven
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.avoidance.state import fresh_state, set_driven
-from qpavoid.avoidance.step import filter_outcome
-from qpavoid.avoidance.validation import OLDEST
-from qpavoid.avoidance.workspace import memory_size
+from qpavoid.avoidance.step import NO_ANSWER, filter_outcome, memory_size
 from qpavoid.errors import InvalidInputError
 from qpavoid.export.perception import PERCEPTION_FILES, perception_texts
 from qpavoid.export.translate import Translation
@@ -148,7 +147,8 @@ def functions(
     run = Value("vector", f"(vector){{filter->state, {state}}}")
     memory = Value("vector", f"(vector){{filter->memory, {size}}}")
     asked = [packed([points, capsules]), age, look_ahead, packed([v, omega])]
-    step = call(filter_outcome, [setup, packed(asked, Request), run, memory])
+    none = packed([Value("double", c_number(x)) for x in NO_ANSWER])
+    step = call(filter_outcome, [setup, packed(asked, Request), none, run, memory])
     arrays = [Value("matrix", name) for name in OBSTACLES]
     fill = call(fill_capsules, [Value("int", "n"), *arrays, capsules])
     last = [Value("double", f"filter->state[{i}]") for i in range(2)]

@@ -8,7 +8,7 @@ to the right is taken. If nothing moves, the side of a turn is retained for seco
 
 import math
 
-from qpavoid.avoidance.body_table import any_moves, body_at, moves
+from qpavoid.avoidance.bodies import any_moves, body_at, moves
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.guide.rollout import (
     FOLLOW,

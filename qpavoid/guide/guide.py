@@ -9,9 +9,8 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.decision import Decision, Status, blocked_if
 from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.inputs import Stamps, as_driven, caught, problem_of
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.avoidance.validation import as_driven
-from qpavoid.avoidance.watch import Stamps, caught, problem_of
 from qpavoid.errors import InvalidInputError, QPAvoidError
 from qpavoid.guide.headway import AT_GOAL, Headway, lengths, moves_near, start_row
 from qpavoid.guide.rest import EXACT, JUMP, Rest, beyond_band, is_driven
@@ -25,7 +24,6 @@ from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.model.validation import as_number, as_pose, as_rows
 from qpavoid.perception.perception import Perception
-from qpavoid.settings import want
 from qpavoid.tracking.clock import Waiting
 from qpavoid.tracking.kanayama import Gains, Tracker, tracking_error
 from qpavoid.tracking.path import Path, SplinePath
@@ -377,8 +375,7 @@ class Guide:
             pose: Of the robot, world frame: x, y (m), γ (rad).
             obstacles: Robot frame; or (N, 2) points alone, m. Not with scans.
             scan: Ranges of a LiDAR, as of ``Perception.update``; the pose is odometry.
-                After the first one a step without it has the obstacles known so far;
-                half a second without a new and valid scan is a fault.
+                A step without one has the obstacles known so far, for 0.5 s.
             stamp: Time of the scan, s; without a scan the time to predict to.
             driven: Measured (v, ω). Default the guide's last twist: after an emergency
                 stop it then continues with the speed before.
@@ -392,8 +389,7 @@ class Guide:
             InvalidInputError: A number is not finite, or a shape does not fit.
             FaultError: Stamps or age are not valid, or scans are missing.
         """
-        driven = self._motors_driven(driven)
-        given = obstacles, scan, stamp
+        driven, given = self._motors_driven(driven), (obstacles, scan, stamp)
         if on_error == "brake":
             found = caught(self._desire, pose, given, driven)
             if isinstance(found, BaseException):

@@ -19,9 +19,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.body_table import body_at
-from qpavoid.avoidance.motion import ends_at, line_contact
-from qpavoid.avoidance.scene import Scene
+from qpavoid.avoidance.bodies import Scene, body_at
+from qpavoid.avoidance.clearance import ends_at, line_contact
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.guide.steering import (
     HEADING,

@@ -3,8 +3,7 @@
 import math
 from typing import Any
 
-from qpavoid.avoidance.freshness import Fault
-from qpavoid.avoidance.watch import FaultError
+from qpavoid.avoidance.inputs import Fault, FaultError
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.perception.perception import Perception

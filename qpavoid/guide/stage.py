@@ -19,11 +19,9 @@ from typing import Annotated, NamedTuple, TypeAlias
 
 import numpy as np
 
-from qpavoid.avoidance.bodies import bodies_in_reach
-from qpavoid.avoidance.body_table import BODY, any_moves
-from qpavoid.avoidance.scene import Scene, Setup
+from qpavoid.avoidance.bodies import BODY, Scene, Setup, any_moves, bodies_in_reach
 from qpavoid.avoidance.settings import AvoidanceSettings, radius_curve
-from qpavoid.avoidance.workspace import is_counted
+from qpavoid.avoidance.step import is_counted
 from qpavoid.compiled import compiled_once, entry, entry_if
 from qpavoid.guide.choice import (
     FASTEST,

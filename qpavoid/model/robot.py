@@ -154,6 +154,17 @@ def clipped(twist: Twist, box: Box) -> Twist:
     return v, min(max(twist[1], box.omega_min), box.omega_max)
 
 
+@compiled
+def within_wheels(robot: Array, twist: Twist) -> Twist:
+    """Return a twist scaled down to the wheels' limit: its curvature is kept."""
+    limits = limits_of(robot)
+    (v, omega), most = twist, limits.wheel_speed
+    fastest = abs(v) + 0.5 * limits.track * abs(omega)
+    if fastest > most:
+        v, omega = v * most / fastest, omega * most / fastest
+    return v, omega
+
+
 @compiled_once
 def nearest_on_wheels(twist: Twist, box: Box, half: float, most: float) -> Twist:
     """Return the nearest twist on |v| + half·|ω| = most within a box.
@@ -201,11 +212,8 @@ def limit_twist(robot: LimitVector, twist: Twist, last: Twist, dt: float) -> Twi
     |v| + |ω| b/2 ≤ w_max. If the polygon is empty, because the last twist is beyond
     the wheels' limit, it is :func:`braking_twist`.
     """
-    (v, omega), limits = twist, limits_of(robot)
+    (v, omega), limits = within_wheels(robot, twist), limits_of(robot)
     half, most = 0.5 * limits.track, limits.wheel_speed
-    fastest = abs(v) + half * abs(omega)
-    if fastest > most:
-        v, omega = v * most / fastest, omega * most / fastest
     box = twist_box(robot, last[0], last[1], dt)
     in_box = clipped((v, omega), box)
     if abs(in_box[0]) + half * abs(in_box[1]) <= most:

@@ -274,7 +274,9 @@ class Perception:
             return self.lidars[sensor]
         except (KeyError, TypeError):
             names = ", ".join(map(repr, self.lidars))
-            raise InvalidInputError(f"no sensor {sensor!r}; there is {names}: name one in Perception.update") from None
+            raise InvalidInputError(
+                f"no sensor {sensor!r}; there is {names}: name one in Perception.update"
+            ) from None
 
     def _ranges(self, lidar: Lidar, ranges: Any, points: Any) -> Array:
         """Return ranges with NaN for all that is unknown."""

@@ -41,8 +41,9 @@ from qpavoid.types import Array
     CENTRE_Y,
     CENTRE_SIGMA,  # σ of the centre, m
     SEGMENT_TRACK,  # row of its track; −1: none
-) = range(16)
-SEGMENT_WIDTH = 16
+    CUT,  # 1: an end of the view cuts it
+) = range(17)
+SEGMENT_WIDTH = 17
 
 MOST_SEGMENTS = 128
 """More are not looked for; their echoes stay points."""
@@ -212,21 +213,31 @@ def set_segment(
         max(left - right, deep - near),
     )
     s[HIDDEN] = is_hidden(view, first, -1) + 2.0 * is_hidden(view, last, 1)
+    s[CUT] = 1.0 if is_cut(view, first, -1) or is_cut(view, last, 1) else 0.0
     s[SPACE], s[LATER], s[SEGMENT_TRACK] = far * view.sensor.step, later, -1.0
+
+
+@compiled_once
+def is_cut(view: View, place: int, side: int) -> bool:
+    """Return whether a surface goes on to an end of the view, free or not.
+
+    Near the ends of the view no space is ever-free.
+    """
+    end = place
+    while 0 <= end + side < view.echoes and not is_break(
+        view, min(end, end + side), max(end, end + side)
+    ):
+        end += side
+    beam = beam_at(view, end) + side * HIDING_BEAMS
+    return view.sensor.round == 0.0 and not 0 <= beam < view.scan.shape[0]
 
 
 @compiled
 def is_hidden(view: View, place: int, side: int) -> float:
-    """Return 1 where the view ends at a place, or the next echo there is nearer."""
+    """Return 1 where a surface is cut by the view, or the next echo there is nearer."""
+    if is_cut(view, place, side):
+        return 1.0
     here, beam = beam_at(view, place), beam_at(view, place + side)
-    end = here + side * HIDING_BEAMS
-    if view.sensor.round == 0.0 and not 0 <= end < view.scan.shape[0]:
-        return 1.0
-    # The surface goes on outside of ever-free space.
-    if abs(beam - here) <= HIDING_BEAMS and not is_break(
-        view, min(place, place + side), max(place, place + side)
-    ):
-        return 1.0
     close = abs(beam - here) <= HIDING_BEAMS
     nearer = view.scan[beam, RANGE] < view.scan[here, RANGE] - HIDES
     return 1.0 if close and nearer else 0.0

@@ -34,6 +34,7 @@ from qpavoid.perception.segments import (
     CENTRE_SIGMA,
     CENTRE_X,
     CENTRE_Y,
+    CUT,
     ECHO_COUNT,
     HIDDEN,
     LATER,
@@ -196,9 +197,8 @@ def find_centre(
             aside = s[RIGHTMOST] + r
     x = s[MIDDLE_X] + ARC * r * s[AWAY_X] - aside * s[AWAY_Y]
     y = s[MIDDLE_Y] + ARC * r * s[AWAY_Y] + aside * s[AWAY_X]
-    s[CENTRE_X], s[CENTRE_Y], s[CENTRE_SIGMA] = x, y, BODY_SIGMA
-    if s[HIDDEN] > 0.0 and s[LEFTMOST] - s[RIGHTMOST] < 2.0 * r - PART_HIDDEN:
-        s[CENTRE_SIGMA] = SHIN_SIGMA
+    s[CENTRE_X], s[CENTRE_Y] = x, y
+    s[CENTRE_SIGMA] = BODY_SIGMA if s[CUT] == 0.0 else SHIN_SIGMA
     if s[ECHO_COUNT] >= FIT_COUNT and s[SEGMENT_EXTENT] > THIN:
         f_x, f_y = fit_circle(view, group, r, (x, y), FIT_WEIGHT * s[ECHO_COUNT])
         if math.hypot(f_x - x, f_y - y) < FIT_SHIFT:

@@ -188,9 +188,7 @@ class Model(NamedTuple):
 
 @entry
 @compiled
-def corrected(
-    state: Annotated[VectorWritten, Sizes(STATE_WIDTH)], pose: Pose
-) -> Pose:
+def corrected(state: Annotated[VectorWritten, Sizes(STATE_WIDTH)], pose: Pose) -> Pose:
     """Return a pose by odometry in the map frame."""
     c, s = math.cos(state[FIX_TURN]), math.sin(state[FIX_TURN])
     x, y = c * pose[0] - s * pose[1], s * pose[0] + c * pose[1]

@@ -9,9 +9,8 @@ import numpy as np
 
 from qpavoid.avoidance.decision import Decision
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.freshness import Fault, Freshness, InputWatch, Latch
+from qpavoid.avoidance.inputs import WAITING, Fault, Freshness, InputWatch, Latch
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.avoidance.watch import WAITING
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Footprint, offset_outline
 from qpavoid.model.given import NO_POINTS

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from qpavoid.avoidance.freshness import Freshness
+from qpavoid.avoidance.inputs import Freshness
 from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
 from qpavoid.errors import InvalidInputError, UnknownNameError
 from qpavoid.model.footprint import Footprint

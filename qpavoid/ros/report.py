@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.decision import Status
-from qpavoid.avoidance.prediction import Plan, places_of
-from qpavoid.avoidance.scene import Setup
+from qpavoid.avoidance.plan import Plan, places_of
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Footprint, offset_outline
 from qpavoid.perception.perception import Explanation, Perception

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import assume, given
 
 from driven import driven_to, gap_at, least_of
-from qpavoid.avoidance import advancement
-from qpavoid.avoidance import body_table as table
-from qpavoid.avoidance.advancement import LOOKS, REFINEMENTS, STEP, least_room, too_near
-from qpavoid.avoidance.prediction import Plan, hold
+from qpavoid.avoidance import bodies as table
+from qpavoid.avoidance import clearance
+from qpavoid.avoidance.clearance import LOOKS, REFINEMENTS, STEP, least_room, too_near
+from qpavoid.avoidance.plan import Plan, hold
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
@@ -180,15 +180,15 @@ def test_what_grows_far_away_is_too_near_in_the_end():
 @pytest.fixture
 def looks(monkeypatch):
     """Count the distances that a function asks for, run as plain Python."""
-    made, contact = [], advancement.line_contact
+    made, contact = [], clearance.line_contact
 
     def counting(*given):
         made.append(given[2])
         assert len(made) < 9 * LOOKS, "no end"
         return contact(*given)
 
-    monkeypatch.setattr(advancement, "line_contact", counting)
-    monkeypatch.setattr(advancement, "room_at", advancement.room_at.py_func)
+    monkeypatch.setattr(clearance, "line_contact", counting)
+    monkeypatch.setattr(clearance, "room_at", clearance.room_at.py_func)
 
     def count(function, judged, i, span, *level):
         made.clear()
@@ -302,7 +302,7 @@ def test_a_plan_that_is_not_decided_counts_as_too_near(monkeypatch):
     level = judged.room(i, (0.0, HORIZON), NEVER)[0] - 0.01
     known = scene, judged.rollout, i, (0.0, HORIZON), level, 0.0
     assert not too_near.py_func(*known)[0]
-    monkeypatch.setattr(advancement, "LOOKS", 1 - len(judged.rollout.arcs))
+    monkeypatch.setattr(clearance, "LOOKS", 1 - len(judged.rollout.arcs))
     assert too_near.py_func(*known)[0]
 
 
@@ -310,10 +310,10 @@ COUNTED = """
 import math
 import numpy as np
 from qpavoid import AvoidanceSettings, Footprint, Limits, Robot, SafetyFilter
-from qpavoid.avoidance import advancement, judge, linearisation, lookahead, plans, step
+from qpavoid.avoidance import clearance, proposals, selection, step, verdict
 
 made, planned, bodies = [0], [0], [0]
-contact, roll_out = advancement.line_contact, judge.roll_out
+contact, roll_out = clearance.line_contact, verdict.roll_out
 reach = step.bodies_in_reach
 record = AvoidanceSettings.record
 AvoidanceSettings.record = lambda self: record(self).view(np.recarray)
@@ -330,8 +330,8 @@ def reached(*given):
     bodies[0] = reach(*given)
     return bodies[0]
 
-advancement.line_contact = linearisation.line_contact = counted
-judge.roll_out = lookahead.roll_out = plans.roll_out = rolled
+clearance.line_contact = proposals.line_contact = counted
+verdict.roll_out = proposals.roll_out = selection.roll_out = rolled
 step.bodies_in_reach = reached
 slow = Limits(-1.0, 1.0, -1.5, 1.5, 0.5, 0.02)
 quick = Limits(-1.0, 1.0, -1.5, 1.5, 2.0, 2.5)

@@ -11,10 +11,9 @@ from driven import gap_at, gaps_at, least_in_all, lines_of_world
 from oracles import point_distance, wall_distance
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.plan import fresh_state
 from qpavoid.avoidance.settings import AvoidanceSettings, LookAhead, SafetyRadius
-from qpavoid.avoidance.state import fresh_state
-from qpavoid.avoidance.step import filter_step
-from qpavoid.avoidance.workspace import memory_size
+from qpavoid.avoidance.step import filter_step, memory_size
 from qpavoid.lab.simulation.world import Track, World
 from qpavoid.model.contacts import most_contacts
 from qpavoid.model.kinematics import arc

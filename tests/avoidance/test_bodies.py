@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 
 from driven import gap_at, least_of, lines_of
-from qpavoid.avoidance import body_table as table
-from qpavoid.avoidance import state as memory
-from qpavoid.avoidance.barrier_rows import R_MIN_TOLERANCE
+from qpavoid.avoidance import bodies as table
+from qpavoid.avoidance import plan as memory
+from qpavoid.avoidance.cbf_rows import R_MIN_TOLERANCE
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import stopping_time
 from rollouts import HORIZON, SETTINGS, every_robot, line_of, scene_of, seeds
@@ -66,7 +66,7 @@ def test_the_order_of_what_is_given_decides_nothing():
             polygons=[np.roll(EVERYTHING.polygons[0], seed, axis=0)],
             polygon_velocities=[(0.1, 0.0, 0.5)],
         )
-        found = np.delete(scene_of(ROBOT, world).bodies, table.OWNER, axis=1)
+        found = np.delete(scene_of(ROBOT, world).bodies, table.BODY_OWNER, axis=1)
         count = len(found) - 4  # points come first, as they are given
         tables.append(np.vstack([sorted(found[:count].tolist()), found[count:]]))
     for found in tables[1:]:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from qpavoid import AvoidanceSettings, Robot, SafetyFilter
-from qpavoid.avoidance.freshness import Freshness
+from qpavoid.avoidance.inputs import Freshness
 
 STEPS = 60
 

@@ -8,15 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from driven import driven_to
-from qpavoid.avoidance.advancement import least_room
-from qpavoid.avoidance.barrier_rows import R_MIN_TOLERANCE, closing_bound, row_reach
+from qpavoid.avoidance.cbf_rows import R_MIN_TOLERANCE, closing_bound, row_reach
+from qpavoid.avoidance.clearance import ArcTwist, end_time, least_room
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.judge import first_twist
-from qpavoid.avoidance.lookahead import Query
-from qpavoid.avoidance.prediction import hold
+from qpavoid.avoidance.plan import hold
+from qpavoid.avoidance.proposals import Query, start_twist
 from qpavoid.avoidance.settings import Actuation, AvoidanceSettings, SafetyRadius
-from qpavoid.avoidance.target import start_twist
-from qpavoid.avoidance.time_bounds import ArcTwist, end_time
+from qpavoid.avoidance.verdict import first_twist
 from qpavoid.model.contact import Contact
 from qpavoid.model.contacts import DISTANCE, contact_table, empty_contacts
 from qpavoid.model.obstacles import Obstacles
@@ -104,7 +102,7 @@ def test_what_the_robot_leaves_for_good_is_never_reached():
 
 
 def test_of_a_pair_of_starts_the_right_or_backward_one_comes_first():
-    query = Query(BOX, (0.4, 0.3), 1, None)
+    query = Query(BOX, (0.4, 0.3), (0.4, 0.3), 1, None, None, 0, 0.0, True)
     starts = [start_twist.py_func(query, g, m) for g in (0, 2, 3) for m in (0, 1)]
     v_min, v_max, right, left = BOX
     assert starts == [(v_max, right), (v_max, left), (v_min, 0.0), (v_max, 0.0),

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from qpavoid.avoidance.freshness import Fault, InputWatch
+from qpavoid.avoidance.inputs import Fault, InputWatch
 
 
 @pytest.fixture

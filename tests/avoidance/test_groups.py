@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from qpavoid.avoidance import body_table as table
-from qpavoid.avoidance import broad_phase as broad
-from qpavoid.avoidance import linearisation as lin
+from qpavoid.avoidance import bodies as table
+from qpavoid.avoidance import clearance as broad
+from qpavoid.avoidance import proposals as lin
+from qpavoid.avoidance.bodies import FEW, MOST_GROUPED, threshold, tolerance
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.groups import FEW, MOST_GROUPED
-from qpavoid.avoidance.judge import lowest
-from qpavoid.avoidance.lookahead import first_near, meeting_of
-from qpavoid.avoidance.workspace import look_ticks
+from qpavoid.avoidance.proposals import violation
+from qpavoid.avoidance.step import look_ticks
 from qpavoid.model.obstacles import Obstacles
 from rollouts import (
     HORIZON,
@@ -51,14 +50,14 @@ def replaced(world, points):
 
 def ungrouped(scene):
     bodies = scene.bodies.copy()
-    bodies[:, table.GROUP] = -1.0
+    bodies[:, table.BODY_GROUP] = -1.0
     return scene._replace(bodies=bodies)
 
 
 def groups_of(scene):
     """Each group with the rows that it holds."""
-    for begin in np.flatnonzero(scene.bodies[:, table.GROUP] >= 0):
-        group = table.Body(*scene.groups[int(scene.bodies[begin, table.GROUP])])
+    for begin in np.flatnonzero(scene.bodies[:, table.BODY_GROUP] >= 0):
+        group = table.Body(*scene.groups[int(scene.bodies[begin, table.BODY_GROUP])])
         yield group, scene.bodies[begin : int(group.owner)]
 
 
@@ -97,7 +96,7 @@ def test_no_answer_depends_on_groups(robot, seed):
     scene = scene_of(robot, scanned(rng), rng.uniform([-0.3, -0.5], [0.8, 0.5]))
     plain, plan = ungrouped(scene), some_plan(rng)
     rollout = rolled(scene, plan, scene.last, 0.0, 2)
-    level = float(rng.choice([lowest(scene), 0.0, 0.1]))
+    level = float(rng.choice([threshold(scene), 0.0, 0.1]))
     for moving in (HORIZON, -1.0):
         watch = broad.Watch((moving, level), (rollout.rest, level))
         for one, other in ((scene, plain), (plain, scene)):
@@ -106,13 +105,13 @@ def test_no_answer_depends_on_groups(robot, seed):
         met = broad.first_met(scene, rollout, watch, 1e-3)
         assert met == broad.first_met(plain, rollout, watch, 1e-3)
     for first in (-1, len(scene.bodies) // 2):
-        assert first_near(scene, rollout, first) == first_near(plain, rollout, first)
+        assert violation(scene, rollout, first) == violation(plain, rollout, first)
     tables = []
     for one in (scene, plain):
         ticks = look_ticks(SETTINGS.record())
         sides = np.zeros((lin.most_sides(ticks), lin.SIDE))
         frames = np.zeros((ticks + 1, 4))
-        lin.nearest_sides(one, rollout, lin.Tables(sides, np.zeros((0, 9)), frames))
+        lin.nearest_sides(one, rollout, lin.Tables(sides, frames))
         tables.append(sides)
     np.testing.assert_array_equal(*tables)
 
@@ -129,35 +128,26 @@ def test_the_first_is_the_same_in_whatever_order_points_are_given(seed):
         watch = broad.Watch((HORIZON, 0.0), (STILL, 0.0))
         for met in (
             broad.first_met(scene, rollout, watch, 0.0),
-            first_near(scene, rollout, -1),
+            violation(scene, rollout, -1),
         ):
-            row = scene.bodies[met.body, : table.OWNER] if met.body >= 0 else []
+            row = scene.bodies[met.body, : table.BODY_OWNER] if met.body >= 0 else []
             found.append((met.time, *row))
     assert found[:2] == found[2:]
 
 
 @given(seeds)
-def test_the_first_that_is_met_is_the_next_round_the_ring(seed):
-    """Of all that are met: in the order of their rows, from ``first`` on."""
+def test_the_violation_is_the_hint_or_the_first_of_the_rows(seed):
     rng = np.random.default_rng(seed)
     scene = scene_of(ROBOT, scanned(rng))
-    rollout, count = (
-        rolled(scene, some_plan(rng), scene.last, 0.0, 2),
-        len(scene.bodies),
-    )
-    met = np.array([meeting_of(scene, rollout, i).body >= 0 for i in range(count)])
-    # Once more with one that is met in the first row.
-    order = rng.permutation(count)
-    order = order[np.argsort(~met[order], kind="stable")]
-    plain = ungrouped(scene)
-    other = plain._replace(bodies=plain.bodies[order])
-    for one, hit in ((scene, met), (other, met[order])):
-        rows = one.bodies[:, : table.OWNER].tolist()
-        ring = sorted(range(count), key=rows.__getitem__)
-        for place in (ring.index(0), *rng.integers(0, count, 8)):
-            turned = ring[place:] + ring[:place]
-            wanted = next((i for i in turned if hit[i]), -1)
-            assert first_near(one, rollout, ring[place]).body == wanted
+    rollout = rolled(scene, some_plan(rng), scene.last, 0.0, 2)
+    watch, slack = broad.Watch((HORIZON, 0.0), (STILL, 0.0)), 0.5 * tolerance(scene)
+    count = len(scene.bodies)
+    met = [broad.is_met(scene, rollout, i, watch, slack).body for i in range(count)]
+    rows = scene.bodies[:, : table.BODY_OWNER].tolist()
+    first = min((i for i in met if i >= 0), key=rows.__getitem__, default=-1)
+    for hint in range(-1, count):
+        expected = hint if hint >= 0 and met[hint] >= 0 else first
+        assert violation(scene, rollout, hint).body == expected
 
 
 @pytest.mark.parametrize("behind", [-2.0, -3.0])

@@ -7,15 +7,13 @@ import pytest
 from hypothesis import assume, given
 
 from driven import gap_at
-from qpavoid.avoidance import body_table as table
-from qpavoid.avoidance import linearisation as lin
-from qpavoid.avoidance import lookahead as ahead
-from qpavoid.avoidance.advancement import least_room
-from qpavoid.avoidance.judge import lowest
-from qpavoid.avoidance.linearisation import Tables
-from qpavoid.avoidance.lookahead import Query
-from qpavoid.avoidance.prediction import hold
-from qpavoid.avoidance.workspace import look_ticks
+from qpavoid.avoidance import bodies as table
+from qpavoid.avoidance import proposals as lin
+from qpavoid.avoidance.bodies import threshold
+from qpavoid.avoidance.clearance import least_room
+from qpavoid.avoidance.plan import hold
+from qpavoid.avoidance.proposals import Query, Tables, proposal_near, violation
+from qpavoid.avoidance.step import look_ticks
 from qpavoid.model.obstacles import Obstacles
 from rollouts import (
     BOX,
@@ -40,8 +38,9 @@ DT, MANY = SETTINGS.dt, max(1, round(SETTINGS.ahead.tick / SETTINGS.dt))
 def tables():
     ticks = look_ticks(SETTINGS.record())
     sides = lin.most_sides(ticks)
-    sizes = ((sides, lin.SIDE), (sides + 4, 9), (ticks + 1, 4))
-    return Tables(*(np.full(size, np.nan) for size in sizes))
+    sizes = ((sides, lin.SIDE), (ticks + 1, 4))
+    tables = Tables(*(np.full(size, np.nan) for size in sizes))
+    return tables, np.full((sides + 8, 9), np.nan)
 
 
 def driven_on(scene, twist, many=MANY):
@@ -58,7 +57,7 @@ def room(scene, rollout, body, time, corners):
 
 def least(scene, body):
     """Least sufficient margin: −ε for static obstacles, −ε/2 for moving ones."""
-    return (0.5 if table.Body(*body).kind == table.MOVES else 1.0) * lowest(scene)
+    return (0.5 if table.Body(*body).kind == table.MOVES else 1.0) * threshold(scene)
 
 
 def granted(body):
@@ -72,15 +71,15 @@ def test_rows_are_the_gradients_of_the_true_rooms(robot, seed, v, omega):
     """Of one body each, at one time; rows say how much room is left there."""
     rng, corners, h = np.random.default_rng(seed), robot.footprint.vertices, 1e-6
     scene = scene_of(robot, mixed(rng), rng.uniform([-0.5, -1], [0.5, 1]))
-    made, about = tables(), (v, omega)
+    (made, rows), about = tables(), (v, omega)
     rollout = driven_on(scene, about)
-    count = lin.linearised_rows(scene, rollout, NOBODY_MET, made)
+    count = lin.linearised_rows(scene, rollout, NOBODY_MET, made, rows)
     sides = [lin.Side(*side) for side in made.sides]
     used = [side for side in sides if side.room < lin.ROW_WITHIN]
     assert count == len(used)
     around = [(v - h, omega), (v + h, omega), (v, omega - h), (v, omega + h)]
     shifted = [driven_on(scene, twist) for twist in around]
-    for side, row in zip(used, made.rows[:count], strict=True):
+    for side, row in zip(used, rows[:count], strict=True):
         time, spare = side.time, side.room
         owner = table.Body(*scene.bodies[int(side.body)]).owner
         assert row[3] == owner
@@ -110,7 +109,7 @@ def test_who_stays_too_near_gets_a_row(robot, seed, v, omega):
     """Or another that comes nearer; ticks may be left out, not all."""
     rng, corners = np.random.default_rng(seed), robot.footprint.vertices
     scene = scene_of(robot, mixed(rng), rng.uniform([-0.5, -1], [0.5, 1]))
-    made, rollout = tables(), driven_on(scene, (v, omega))
+    (made, _), rollout = tables(), driven_on(scene, (v, omega))
     lin.nearest_sides(scene, rollout, made)
     spares, tick = made.sides[:, lin.Side._fields.index("room")], SETTINGS.ahead.tick
     for body in scene.bodies:
@@ -138,15 +137,17 @@ def test_the_nearest_twist_ahead_keeps_its_distance(robot, seed):
     place = rng.uniform([0.8, -1.0], [2.5, 1.0])
     world = Obstacles([[0.9, 1.0]], [[*place, 0.2]], [-0.3 * place])
     scene = scene_of(robot, world, rng.uniform([0, -0.5], [0.6, 0.5]))
-    query, start = Query(BOX, (0.6, 0.0), MANY, tables()), rng.choice([-1.0, 1.0], 2)
+    wish, start = (0.6, 0.0), rng.choice([-1.0, 1.0], 2)
+    query = Query(BOX, wish, wish, MANY, *tables(), 0, 1e-3, True)
     twist = (start[0], 1.5 * start[1])
-    found = ahead.nearest_ahead(scene, query, twist, math.inf)
+    found = proposal_near(scene, query, twist, math.inf)
     assume(found.cost < math.inf)
-    assert abs(found.v) <= 1.0 and abs(found.omega) <= 1.5
-    cost = (found.v - 0.6) ** 2 + 0.03 * found.omega**2
+    v, omega = found.twist
+    assert abs(v) <= 1.0 and abs(omega) <= 1.5
+    cost = (v - 0.6) ** 2 + 0.03 * omega**2
     assert found.cost == pytest.approx(cost, abs=1e-12)
     rollout, corners = (
-        driven_on(scene, (found.v, found.omega)),
+        driven_on(scene, found.twist),
         robot.footprint.vertices,
     )
     for body in scene.bodies:
@@ -169,7 +170,7 @@ def test_too_near_is_who_has_no_room(robot, seed, v, omega):
     ]
     clear = [r > 0.03 for r in rooms]
     for first in (0, len(rooms) // 2, len(rooms) - 1):
-        body = ahead.first_near(scene, rollout, first).body
+        body = violation(scene, rollout, first).body
         if body < 0:
             wanted = [least(scene, body) - 1e-9 for body in scene.bodies]
             assert (np.array(rooms) >= wanted).all()

@@ -9,7 +9,7 @@ import pytest
 from driven import driven_to, gap_at, least_in_all, lines_of, lines_of_world
 from hostile import R_MIN, Case, epsilon, make_demands, make_scene
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.judge import rests_in_time
+from qpavoid.avoidance.verdict import rests_in_time
 from qpavoid.model.obstacles import Obstacles
 from rollouts import scene_of
 
@@ -53,7 +53,7 @@ def test_resting_in_time_is_what_the_oracles_say():
         if abs(expected) > 1e-3:
             assert rests_in_time(scene, (v, omega)) == (expected > 0.0)
             below += expected < 0.0
-        assert rests_in_time(scene, (0.0, 0.0))
+        assert rests_in_time(scene._replace(last=(0.0, 0.0)), (0.0, 0.0))
     assert 30 < below < 140
 
 

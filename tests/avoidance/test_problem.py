@@ -1,7 +1,6 @@
 """The problem is the QP whose solution is the decision, looking ahead too."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,10 +9,9 @@ from problems import ROBOTS, Scene, loop
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.avoidance.step import trust_box
+from qpavoid.model.robot import limit_twist
 from qpavoid.qp.problem import SolveStatus
 from qpavoid.qp.solve import load_back_end, solve
-from qpavoid.types import Box
 
 SETTINGS = AvoidanceSettings(dt=0.05)
 SOLVED = (Status.TRACKING, Status.FILTERED, Status.RELAXED)
@@ -42,12 +40,14 @@ def sequences(robot, ahead, count, seed, solver="exact", ask=True):
         yield decisions, problems
 
 
-def off(problem, solver, decision):
-    """Distance of a problem's solution from the decision's twist."""
+def off(problem, solver, robot, steps):
+    """Distance of the first step to a problem's solution from the decision's twist."""
+    last, decision = steps
     solution = solve(problem, solver, SETTINGS.slack_tolerance)
     if solution.status is SolveStatus.FAILED:
         return math.nan
-    return float(np.abs(solution.u - decision[:2]).max())
+    first = limit_twist(robot.limit_vector, tuple(solution.u), last, SETTINGS.dt)
+    return float(np.abs(np.subtract(first, decision[:2])).max())
 
 
 @aheads
@@ -58,13 +58,15 @@ def test_the_solution_of_the_problem_is_the_decision(robot, ahead):
     back_ends = {name: load_back_end(name) for name in names}
     seen, wrong, failed, asked = set(), [], 0, 0
     for decisions, problems in sequences(robot, ahead, 60, 1):
+        last = (0.0, 0.0)
         for decision, problem in zip(decisions, problems, strict=True):
             seen.add(decision.status)
+            steps, last = (last, decision), decision[:2]
             if decision.status not in SOLVED:
                 continue
-            assert off(problem, "exact", decision) <= 1e-9
+            assert off(problem, "exact", robot, steps) <= 1e-9
             for name, back_end in back_ends.items():
-                gap = off(problem, back_end, decision)
+                gap = off(problem, back_end, robot, steps)
                 asked, failed = asked + 1, failed + math.isnan(gap)
                 if gap > 1e-5:
                     wrong.append((name, decision))
@@ -98,30 +100,13 @@ def test_whoever_solves_it_the_decision_is_the_same(solver, robot, ahead):
 @robots
 def test_statuses_say_what_was_driven(robot, ahead):
     """Tracking: the desired twist. Relaxed: slack or shortfall. Never both unsaid."""
-    for decisions, problems in sequences(robot, ahead, 60, 3):
-        for decision, problem in zip(decisions, problems, strict=True):
+    for decisions, _ in sequences(robot, ahead, 60, 3, ask=False):
+        for decision in decisions:
             lacking = decision.slack > 0.0 or decision.shortfall > 0.0
             if decision.status in (Status.TRACKING, Status.FILTERED):
                 assert not lacking
             if decision.status is Status.RELAXED:
                 assert lacking
-            if decision.status in SOLVED:
-                inside = problem.lower - 1e-9 <= decision[:2]
-                assert (inside & (decision[:2] <= problem.upper + 1e-9)).all()
             if decision.status is Status.HOLDING:
                 assert decision[:2] == (0.0, 0.0)
             assert len(set(decision.active)) == len(decision.active) <= 2
-
-
-@pytest.mark.parametrize("share", [0.0, 0.5])
-def test_a_trust_region_is_never_empty(share):
-    """Not where the anchor is a rounding error outside the step's limits either."""
-    box = Box(-0.072, -0.06, -1.5, 1.5)
-    for v in (box[0], box[1]):
-        for beyond in (-1.0, 1.0):
-            anchor = float(np.nextafter(v, beyond)), 0.0
-            prepared = SimpleNamespace(box=box, anchor=anchor)
-            rejected = anchor[0] + share, anchor[1]
-            found = trust_box.py_func(prepared, 1, rejected)
-            assert found[0] <= found[1] and found[2] <= found[3]
-            assert box[0] <= found[0] and found[1] <= box[1]

@@ -11,9 +11,9 @@ import pytest
 
 from hostile_filters import FILTERS
 from qpavoid import InvalidInputError, Robot, SafetyFilter
-from qpavoid.avoidance import engine
+from qpavoid.avoidance import filter
 from qpavoid.avoidance.decision import Decision, Status
-from qpavoid.avoidance.engine import GIVEN, nothing
+from qpavoid.avoidance.filter import GIVEN, nothing
 from qpavoid.avoidance.step import filter_step
 from qpavoid.compiled import bound, native_code
 from qpavoid.errors import ThreadError
@@ -43,7 +43,7 @@ def bits(decision):
 
 def be_slow(safety):
     """Let a filter take the long way."""
-    safety._engine.quick, safety._engine._be_quick = engine.nothing, lambda: None
+    safety._engine.quick, safety._engine._be_quick = filter.nothing, lambda: None
 
 
 @pytest.mark.parametrize("name", FILTERS)
@@ -237,8 +237,8 @@ class Odd(Decision):
 def test_where_memory_alone_makes_no_tuple_the_class_is_called(monkeypatch):
     """Python 3.14 keeps a tuple's hash within it, which only its own way sets up."""
     quick = answered(used(), 0.5, 0.1, NEAR)
-    kinds = engine.MADE[0], Odd, *engine.MADE[2:]
-    monkeypatch.setattr(engine, "MADE", kinds)
+    kinds = filter.MADE[0], Odd, *filter.MADE[2:]
+    monkeypatch.setattr(filter, "MADE", kinds)
     for _ in range(100):
         called = answered(used(), 0.5, 0.1, NEAR)
         assert type(called) is Odd and bits(called) == bits(quick)
@@ -274,7 +274,7 @@ def test_who_looks_while_a_decision_is_made_sees_whole_ones():
     "probe", [np.zeros((2, 3), np.float32), np.zeros((3, 2)), NEAR.view(Liar), [1.0]]
 )
 def test_numpys_buffers_are_asked_for_where_its_arrays_lie_unlike(monkeypatch, probe):
-    monkeypatch.setattr(engine, "MADE", (*engine.MADE[:-1], probe))
+    monkeypatch.setattr(filter, "MADE", (*filter.MADE[:-1], probe))
     safety, other = used(), used(ahead=True)
     be_slow(other)
     found = answered(safety, 0.5, 0.1, NEAR)

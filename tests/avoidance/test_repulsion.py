@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from qpavoid.avoidance.decision import Status
-from qpavoid.avoidance.repulsion import eq5, eq7
+from qpavoid.avoidance.laws import eq5, eq7
 from qpavoid.avoidance.settings import AvoidanceSettings, Repulsion, SafetyRadius
 from qpavoid.lab.simulation.methods import make_controller
 from qpavoid.model.contacts import Contacts

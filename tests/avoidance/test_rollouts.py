@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from driven import driven_to
-from qpavoid.avoidance import prediction as pre
-from qpavoid.avoidance.linearisation import fill_slopes, slopes_at
-from qpavoid.avoidance.prediction import Plan, hold
-from qpavoid.avoidance.scene import Setup
+from qpavoid.avoidance import plan as pre
+from qpavoid.avoidance.bodies import Setup
+from qpavoid.avoidance.plan import Plan, hold
+from qpavoid.avoidance.proposals import fill_slopes, slopes_at
 from qpavoid.model.obstacles import Obstacles
 from rollouts import (
     BEGIN,

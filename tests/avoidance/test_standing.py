@@ -240,7 +240,7 @@ def test_never_worse_than_braking_at_once(limits, dt, ahead):
         u = decision[:2]
         braked = stop_from(case, REST, *last, world)
         least = along(case, REST, u, world)
-        if not ahead or STATUSES.index(decision.status) in (RELAXED, BRAKING, HOLDING):
+        if not ahead or STATUSES.index(decision.status) in (BRAKING, HOLDING):
             least = min(least, stop_from(case, driven_to(REST, *u, dt), *u, world))
         assert least >= min(braked, R_MIN - EPSILON) - 1e-7
     assert given[RELAXED] + given[BRAKING] + given[HOLDING] > 0

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from qpavoid import Limits, Robot, SafetyFilter
 from qpavoid.avoidance.decision import Status
-from qpavoid.avoidance.freshness import Freshness
-from qpavoid.avoidance.watch import PROBLEM, WAITING, Stamps
+from qpavoid.avoidance.inputs import PROBLEM, WAITING, Freshness, Stamps
 from qpavoid.errors import InvalidInputError
 
 AHEAD = [[1.2, 0.0]]

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 import qpavoid as qp
 from driven import driven_to
+from qpavoid.avoidance.inputs import WAITING
 from qpavoid.avoidance.settings import SafetyRadius
-from qpavoid.avoidance.watch import WAITING
 from qpavoid.model.robot import braking_twist
 
 DT, HALF = 0.05, (0.4, 0.25)

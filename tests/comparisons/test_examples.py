@@ -16,7 +16,7 @@ SHOWN = {
     "parked": "eq5 +arrived.*\nqp +touched.*\nqp-ahead +arrived",
     "velocity_plane": r"driven \[ ?0\.[78]\d* -1\.2",
     "dead_end": r"qp-ahead +stalled .*\nqp-ahead\+guide +arrived",
-    "sudden_step": r"0\.17 m: touched.*\nr_min 0\.8 m: off goal, 0\.2",
+    "sudden_step": r"0\.17 m: touched.*\nr_min 0\.8 m: off goal, 0\.1",
     "slippery_floor": r"nothing: least clearance -0.*\n.*floor: least clearance 0\.",
 }
 """Expected output of each example, as a pattern."""

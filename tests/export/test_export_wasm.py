@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from qpavoid import AvoidanceSettings, Robot
-from qpavoid.avoidance.state import fresh_state
-from qpavoid.avoidance.step import filter_step
-from qpavoid.avoidance.workspace import memory_size
+from qpavoid.avoidance.plan import fresh_state
+from qpavoid.avoidance.step import filter_step, memory_size
 from qpavoid.compiled import ENTRIES
 from qpavoid.export.build import zig
 from qpavoid.export.wasm import WASM_FILES, export_wasm

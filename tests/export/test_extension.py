@@ -20,11 +20,11 @@ from hostile_filters import FILTERS, in_python, problems_of
 from in_c import COMPILER
 from places import ROOT
 from qpavoid import Guide, Obstacles, Robot
+from qpavoid.avoidance.bodies import Request, Setup
 from qpavoid.avoidance.decision import Decision
-from qpavoid.avoidance.scene import Request, Setup
+from qpavoid.avoidance.plan import fresh_state
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.avoidance.state import fresh_state
-from qpavoid.avoidance.workspace import memory_size
+from qpavoid.avoidance.step import NO_ANSWER
 from qpavoid.compiled import ENTRIES
 from qpavoid.export.build import FLAGS, MACOS, SHARED, compile_c, system_compiler, zig
 from qpavoid.export.entries import records_in, shape_of
@@ -234,7 +234,6 @@ UNFITTING = {
     "cast_rays": [(BEAMS, WORLD, 0.0, np.ones(3))],
     "nearest_discs": [(EDGES, WORLD[1], np.ones((3, 3)), np.ones(1), TABLE)],
     "whole_force": [(TABLE, 4, 1.0, 1.0)],
-    "trust_box": [(*given_for(ENTRIES["trust_box"])[:1], k, (0, 0)) for k in (-1, 3)],
 }
 SETTINGS = AvoidanceSettings().record()
 SEEN = np.array([(1.2, 0.1)]), WORLD[1][:0]
@@ -266,7 +265,7 @@ def test_settings_that_count_nothing_are_refused(native, key):
         forged = SETTINGS.copy()
         forged[key] = number
         told = Setup(EDGES, GOOD, forged), Request(SEEN, 0.0, True, (0.5, 0.0))
-        refused(native.prepare, *told, fresh_state(), memory)
+        refused(native.filter_outcome, *told, NO_ANSWER, fresh_state(), memory)
         given = EDGES, GOOD, forged, *rest, fresh_state(), memory
         refused(native.filter_step, *given)
         kinds = np.ndarray, Decision, (), np.zeros((2, 3))
@@ -279,20 +278,6 @@ def test_what_is_asked_for_is_no_part_of_a_call(native):
     kinds = np.ndarray, Decision, (), np.zeros((2, 3))
     with pytest.raises(TypeError, match="asked for is to be known"):
         native.bind("filter_step", given, (7, 8, 0), kinds)
-
-
-def test_a_problem_that_was_not_prepared_in_the_memory_is_refused(native):
-    setup, state = Setup(EDGES, GOOD, SETTINGS), fresh_state()
-    memory = np.empty(memory_size(1, SETTINGS))
-    right = native.prepare(setup, Request(SEEN, 0.0, True, (0.5, 0.0)), state, memory)
-    rest = 0, right.anchor, (np.inf, np.inf), state
-    assert native.decide(setup, right, memory, *rest).clearance == np.inf
-    wrong = {"most": 2, "bodies": 9, "m": 999, "n_hard": right.m + 1, "code": 1}
-    for name, number in [*wrong.items(), *((name, -1) for name in wrong)]:
-        forged = right._replace(**{name: number})
-        refused(native.decide, setup, forged, memory, *rest)
-    refused(native.decide, setup, right, memory[:-1].copy(), *rest)
-    refused(native.decide, setup, right, memory, -1, *rest[1:])
 
 
 def test_a_stage_without_memory_or_with_a_forged_way_is_refused(native):
@@ -329,7 +314,7 @@ def test_records_tuples_and_numbers_are_checked(native):
         with pytest.raises(TypeError, match="takes 1 arguments, not"):
             native.limits_of(*given)
     with pytest.raises(OverflowError):
-        native.unsolved(2**40, (0.0, 0.0), 0.0)
+        native.most_sides(2**40)
 
 
 def test_no_reference_is_lost_or_kept(native):
@@ -348,7 +333,7 @@ import sys
 from qpavoid import Guide, Obstacles, Robot, SafetyFilter
 from qpavoid.compiled import native_code
 from qpavoid.avoidance.step import filter_step
-from qpavoid.avoidance.repulsion import eq5
+from qpavoid.avoidance.laws import eq5
 if native_code(filter_step.py_func) is None:
     sys.exit("no extension")
 SafetyFilter(Robot.mir100()).filter(0.5, 0.1, [(2.0, 0.1)])

@@ -9,9 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import qpavoid as qp
-from qpavoid.avoidance.bodies import bodies_in_reach
-from qpavoid.avoidance.body_table import BODY
-from qpavoid.avoidance.scene import Scene
+from qpavoid.avoidance.bodies import BODY, Scene, bodies_in_reach
 from qpavoid.guide.choice import (
     FASTEST,
     KIND,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import qpavoid as qp
-from qpavoid.avoidance.watch import FaultError, Stamps
+from qpavoid.avoidance.inputs import FaultError, Stamps
 from qpavoid.errors import InvalidInputError, QPAvoidError
 from qpavoid.guide.headway import start_row
 from qpavoid.model.kinematics import arc

@@ -163,7 +163,9 @@ def test_a_body_cut_by_the_edge_of_the_view_keeps_its_velocity():
         if time > 2.0:
             (disc,), (velocity,) = found.discs, found.disc_velocities
             assert velocity == pytest.approx((-1.0, 0.0), abs=0.15)
-            assert disc[:2] == pytest.approx((x, -1.13), abs=0.05 + 0.1 * max(-1 - x, 0))
+            assert disc[:2] == pytest.approx(
+                (x, -1.13), abs=0.05 + 0.1 * max(-1 - x, 0)
+            )
 
 
 def test_obstacles_are_predicted_to_the_time_asked_for():

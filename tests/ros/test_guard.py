@@ -7,7 +7,7 @@ import pytest
 
 import ros_messages as ros
 from qpavoid.avoidance.decision import Status
-from qpavoid.avoidance.freshness import Fault
+from qpavoid.avoidance.inputs import Fault
 from qpavoid.errors import InvalidInputError
 from qpavoid.ros.guard import WAITING, Guard, Wiring
 from qpavoid.ros.messages import seconds

@@ -8,7 +8,7 @@ import yaml
 
 import ros_messages as ros
 from places import ROOT
-from qpavoid.avoidance.freshness import Fault
+from qpavoid.avoidance.inputs import Fault
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError, UnknownNameError
 from qpavoid.lab.simulation.schema import Preset, ScenarioModel

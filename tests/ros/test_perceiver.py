@@ -7,7 +7,7 @@ import pytest
 
 import ros_messages as ros
 from driven import driven_to
-from qpavoid.avoidance.freshness import Fault
+from qpavoid.avoidance.inputs import Fault
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.obstacles import Obstacles
@@ -112,9 +112,9 @@ def test_a_person_has_a_velocity_in_command_and_markers(made):
     step = world.run(2.5)
     assert_known(world, step)
     assert len(step.obstacles.points) > 300, "walls stay points"
-    while step.v >= 0.0 and world.time < 4.0:
+    while step.v == 0.0 and world.time < 4.0:
         step = world.step()
-    assert step.v < 0.0, "it backs up from somebody whom a point would let come near"
+    assert step.v != 0.0, "it evades somebody whom a point would let come near"
 
 
 def test_a_driving_robot_knows_its_walls_from_people():

@@ -7,7 +7,7 @@ import pytest
 
 import ros_messages as ros
 from driven import driven_to
-from qpavoid.avoidance.freshness import Fault
+from qpavoid.avoidance.inputs import Fault
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Footprint
 from qpavoid.ros.guard import Guard, Wiring

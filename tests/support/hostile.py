@@ -15,10 +15,9 @@ from qpavoid.avoidance.decision import (
     STOPPED,
     TRACKING,
 )
+from qpavoid.avoidance.plan import STATE_SIZE, set_driven
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
-from qpavoid.avoidance.state import STATE_SIZE, set_driven
-from qpavoid.avoidance.step import filter_step
-from qpavoid.avoidance.workspace import memory_size
+from qpavoid.avoidance.step import filter_step, memory_size
 from qpavoid.model.capsules import in_robot_frame
 from qpavoid.model.contacts import (
     CONTACT_WIDTH,

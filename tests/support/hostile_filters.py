@@ -15,7 +15,7 @@ from qpavoid import (
     SafetyFilter,
 )
 from qpavoid.avoidance.decision import INVALID
-from qpavoid.avoidance.validation import as_driven
+from qpavoid.avoidance.inputs import as_driven
 from qpavoid.model.robot import braking_twist
 from reliability.calls import CAREFUL, LATE
 from timing.exported import ANSWER, COUNTED, problem_type

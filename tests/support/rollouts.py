@@ -8,11 +8,9 @@ import pytest
 from hypothesis import strategies as st
 
 from driven import driven_to
-from qpavoid.avoidance import body_table as table
-from qpavoid.avoidance import prediction as pre
-from qpavoid.avoidance.bodies import bodies_in_reach
-from qpavoid.avoidance.groups import FEW
-from qpavoid.avoidance.scene import Scene
+from qpavoid.avoidance import bodies as table
+from qpavoid.avoidance import plan as pre
+from qpavoid.avoidance.bodies import FEW, Scene, bodies_in_reach
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, braking_twist, limit_twist

@@ -10,11 +10,11 @@ from typing import ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
-from qpavoid.avoidance.barrier_rows import wanted_distance
+from qpavoid.avoidance.cbf_rows import wanted_distance
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Decision, Status
+from qpavoid.avoidance.proposals import SAME_TWIST
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.avoidance.step import SAME_TWIST
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.capsules import PIVOT_X, PIVOT_Y, RADIUS, TURN, V_X, V_Y, X1, Y2
 from qpavoid.model.contacts import clearance_of

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.controllers import StepContext
-from qpavoid.avoidance.scene import Setup
 from qpavoid.compiled import compiled_once, entry
 from qpavoid.lab.baselines.drive import Baseline, Command, reference_ahead
 from qpavoid.lab.baselines.stopping import brake, free_time, setup_of

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qpavoid.avoidance.barrier_rows import wanted_distance
+from qpavoid.avoidance.cbf_rows import wanted_distance
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings

@@ -6,9 +6,9 @@ And the collision-free time of a constant twist among obstacles taken to be stat
 import math
 from dataclasses import dataclass
 
+from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import Status
-from qpavoid.avoidance.scene import Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled_once, entry
 from qpavoid.lab.baselines.drive import Baseline, Command
@@ -125,7 +125,7 @@ class StopController(Baseline):
     zone bends with the path, and obstacles beside it have no effect. Obstacles are
     taken as static. Static obstacles are never touched: the robot drives only twists
     that keep the margin until rest, and else brakes along its arc (the proof is that of
-    :mod:`qpavoid.avoidance.judge`).
+    :mod:`qpavoid.avoidance.verdict`).
 
     Attributes:
         margin: Required distance, in r_min of static obstacles.

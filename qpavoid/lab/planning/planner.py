@@ -15,7 +15,7 @@ from typing import Annotated
 
 import numpy as np
 
-from qpavoid.avoidance.barrier_rows import SPEED_AT_REST
+from qpavoid.avoidance.cbf_rows import SPEED_AT_REST
 from qpavoid.lab.planning.grid import Grid, cheapest_way, costs_of, length
 from qpavoid.model.given import NO_POINTS
 from qpavoid.model.kinematics import wrap_angle

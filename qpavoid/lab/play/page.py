@@ -14,11 +14,11 @@ from typing import Any, get_args, get_type_hints
 
 import numpy as np
 
-from qpavoid.avoidance.body_table import BODY
+from qpavoid.avoidance.bodies import BODY
 from qpavoid.avoidance.decision import SENTENCES, STATUSES
-from qpavoid.avoidance.ladder import READY
+from qpavoid.avoidance.plan import fresh_state
 from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
-from qpavoid.avoidance.state import fresh_state
+from qpavoid.avoidance.step import PROBLEM_SIZE
 from qpavoid.errors import ConfigError, DataError, UnknownNameError
 from qpavoid.guide.geodesic import CELL
 from qpavoid.guide.rollout import ROWS, TICK
@@ -86,7 +86,7 @@ SIZES = {
     "back_speed": BACK_SPEED,
     "spacing": OUTLINE_SPACING,
     "blocked": NO_PATH,
-    "ready": READY,
+    "problem": PROBLEM_SIZE,
     "memory": {
         name: array.__metadata__[-1]
         for name, array in get_type_hints(Memory, include_extras=True).items()

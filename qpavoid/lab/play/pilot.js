@@ -177,17 +177,21 @@ const Pilot = (() => {
     /** The QP of a step: its limits, where it aims, and all its rows; of a law that of
     the one-step filter. */
     problem(desired) {
+      const { kernel, setup, sizes } = this;
       const kept = Float64Array.from(this.state.values);
-      const { code, box, desired: aim, most, m } = this.kernel.prepare(this.setup, this.request(desired, Boolean(this.how.ahead)), this.state, this.memory);
+      const [code] = kernel.filter_step(setup.edges, setup.robot, setup.settings, ...this.seen, 0, Boolean(this.how.ahead), ...desired, this.state, this.memory);
       this.state.values.set(kept);
       const all = this.memory.values;
+      const most = kernel.most_contacts(setup.edges, this.seen);
+      const end = kernel.memory_size(most, setup.settings);
+      const [m, , ...terms] = code < 0 ? [0, 0, 0, 0, 0, 0, 0, 0] : all.subarray(end - sizes.problem, end);
       const begin = WIDTHS.contacts * most;
       const planes = [];
-      for (let i = 0; code === this.sizes.ready && i < m; i++) {
+      for (let i = 0; i < m; i++) {
         const row = all.subarray(begin + ROW * i, begin + ROW * (i + 1));
         if (row[A_V] || row[A_OMEGA]) planes.push([row[A_V], row[A_OMEGA], row[B], row[OWNER]]);
       }
-      return { box: [box.v_min, box.v_max, box.omega_min, box.omega_max], va: aim[0], wa: aim[1], planes };
+      return { box: terms.slice(0, 4), va: terms[4], wa: terms[5], planes };
     }
 
     /** The nearest contact: P_r in the world frame, whose it is, and its r_min and r. */

@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-import qpavoid.avoidance.repulsion
+import qpavoid.avoidance.laws
 import qpavoid.export.wasm
 import qpavoid.guide.guide
 import qpavoid.lab.sensing.lidar
@@ -24,7 +24,7 @@ BUILT = Path(__file__).with_name("built")
 """Where :func:`build` puts them when a wheel is made; not there in a source tree."""
 
 SOURCES = (
-    qpavoid.avoidance.repulsion.__file__,
+    qpavoid.avoidance.laws.__file__,
     qpavoid.guide.guide.__file__,
     qpavoid.lab.sensing.lidar.__file__,
     qpavoid.export.wasm.__file__,

@@ -3,8 +3,8 @@
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.barrier_rows import wanted_distance
-from qpavoid.avoidance.scene import Setup
+from qpavoid.avoidance.bodies import Setup
+from qpavoid.avoidance.cbf_rows import wanted_distance
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.model.capsules import are_as_many, in_robot_frame
 from qpavoid.model.contacts import contact_at, contact_table, most_contacts

@@ -5,9 +5,9 @@ from collections.abc import Callable
 from time import perf_counter
 from typing import Any, NamedTuple, TypeAlias
 
+from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import BLOCKED, Decision
-from qpavoid.avoidance.scene import Setup
 from qpavoid.guide.guide import PathTracking
 from qpavoid.guide.stage import GuideStage, Tracking
 from qpavoid.guide.state import Progress

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from qpavoid.avoidance.barrier_rows import R_MIN_TOLERANCE
+from qpavoid.avoidance.cbf_rows import R_MIN_TOLERANCE
 from qpavoid.errors import DataError
 from qpavoid.files import read_json
 from qpavoid.lab.simulation.log import Log, provenance

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from qpavoid.avoidance.freshness import Fault, Freshness
+from qpavoid.avoidance.inputs import Fault, Freshness
 from qpavoid.errors import (
     ConfigError,
     DataError,

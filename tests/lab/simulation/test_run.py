@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from qpavoid.avoidance.scene import Setup
+from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import DataError
 from qpavoid.lab.simulation.clearance import (

@@ -1,8 +1,8 @@
-"""Judge: a twist is driven only as the beginning of a verified plan.
+"""Verdict: a twist is driven only as the beginning of a verified plan.
 
 A plan is the twist for the coming control step, then the rest of the plan, then braking
 along the arc until the robot stands still. It is verified against all bodies in
-continuous time (:mod:`qpavoid.avoidance.advancement`). It is *clear* if the margin of
+continuous time (:mod:`qpavoid.avoidance.clearance`). It is *clear* if the margin of
 every body is at least −ε: of static bodies until the robot stands, of moving ones, with
 their velocities and inflation, up to the horizon H. The plan of the driven twist is
 retained. If no other plan is clear, its rest is driven, and at its end the robot
@@ -15,7 +15,7 @@ with d ≥ r_min − ε. Then d ≥ r_min − ε at all times; with ε < r_min t
 For any dt and any horizon.
 
 Proof. Every time of a plan is a number of whole control steps, at least one
-(:func:`qpavoid.avoidance.prediction.whole_steps`). So a plan is a sequence of twists,
+(:func:`qpavoid.avoidance.plan.whole_steps`). So a plan is a sequence of twists,
 each held for dt, and without its first step it is a plan again: the same twists, from
 the pose that this step leads to. Claim: after every step there is a plan, from the pose
 reached on, that keeps d ≥ r_min − ε until the robot stands for good. At the start that
@@ -28,8 +28,7 @@ no step exceeds the accelerations, have all the same curvature; the robot stays 
 arc of u and comes to rest where that ends after
 dt + dt·Σ_{k=1}^{n−1} (1 − k/n) = dt·(n + 1)/2, and what remains of that after a step is
 braking from u·(1 − 1/n). The theorem does not depend on how a plan was found. It also
-holds among moving obstacles, unless every plan found hits one: then, with the status
-``relaxed`` and the shortfall, only ``closest`` of r_min is kept from static obstacles.
+holds among moving obstacles.
 
 **Theorem 2, moving obstacles.** In addition let, from a time t_0 on at which a plan was
 clear, every obstacle keep its velocity of t_0, or stay within its inflation of that
@@ -47,18 +46,34 @@ of a plan is verified although it is clear, since a new measurement is inflated 
 """
 
 import math
+from typing import NamedTuple
 
-from qpavoid.avoidance.advancement import least_room, too_near
-from qpavoid.avoidance.body_table import body_at, moves
-from qpavoid.avoidance.broad_phase import UNWATCHED, Watch, keeps_all, next_body
-from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out, whole_steps
-from qpavoid.avoidance.scene import Scene, altered, tolerance
+from qpavoid.avoidance.bodies import (
+    REPLAY_ROUNDING,
+    Scene,
+    body_at,
+    drifting,
+    moves,
+    threshold,
+    tolerance,
+)
+from qpavoid.avoidance.clearance import (
+    UNWATCHED,
+    Watch,
+    keeps_all,
+    least_room,
+    too_near,
+)
+from qpavoid.avoidance.plan import Plan, Rollout, hold, roll_out, whole_steps
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.robot import braking_steps, braking_twist, limit_twist, limits_of
 from qpavoid.types import Pair
 
-REPLAY_ROUNDING = 1e-8
-"""m; tolerance of a plan's margin when it is carried on."""
+CONTACT_ROUNDING = 1e-9
+"""m; tolerance of the margin of a contact that is being resolved."""
+
+BRAKING_PLAN = Plan(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""Braking along the arc of the last twist."""
 
 HOLDS = (math.inf, 1.0, 0.4, 0.0)
 """s; durations of a target twist before braking, in whole control steps and at most
@@ -66,48 +81,54 @@ the horizon."""
 
 
 @compiled_once
-def lowest(scene: Scene) -> float:
-    """Return −ε: the threshold of a clear margin, m."""
-    return -tolerance(scene) - REPLAY_ROUNDING
+def verdict(scene: Scene, plan: Plan, until: float) -> bool:
+    """Return whether a plan is clear.
+
+    Of moving bodies for ``until`` s, of static ones until the robot stands. With an
+    inexact actuator, also one control step and then braking under the actuator model. A
+    robot in contact has to resolve it.
+    """
+    twist, level = first_twist(scene, plan), threshold(scene)
+    if not (is_followed(scene, twist) and may_move(scene, twist, 0.0)):
+        return False
+    rollout = exact_rollout(scene, plan)
+    return keeps_all(scene, rollout, Watch((until, level), (rollout.rest, level)))
+
+
+class Margins(NamedTuple):
+    """Least margins of a plan, m.
+
+    Attributes:
+        static: Of static bodies until the robot stands, at most −ε.
+        moving: Of moving bodies up to the horizon, at most 0.
+    """
+
+    static: float
+    moving: float
 
 
 @compiled_once
-def keeps_from_standing(scene: Scene, rollout: Rollout, level: float) -> bool:
-    """Return whether a rollout is clear of all static bodies until it rests."""
-    return keeps_all(scene, rollout, Watch(UNWATCHED, (rollout.rest, level)))
+def margins(scene: Scene, plan: Plan) -> Margins:
+    """Return the least margins of a plan."""
+    rollout, level = exact_rollout(scene, plan), threshold(scene)
+    static, span = level, (0.0, rollout.rest)
+    if not keeps_all(scene, rollout, Watch(UNWATCHED, (rollout.rest, level))):
+        # The samples of the least margin may miss the violation.
+        static -= REPLAY_ROUNDING
+        for i in range(scene.bodies.shape[0]):
+            if not moves(scene, i):
+                static, _ = least_room(scene, rollout, i, span, static)
+    return Margins(static, moving_margin(scene, rollout, 0.0))
 
 
 @compiled_once
-def moving_room(scene: Scene, rollout: Rollout, enough: float) -> float:
+def moving_margin(scene: Scene, rollout: Rollout, enough: float) -> float:
     """Return the least margin of moving bodies up to the horizon, m, ≤ ``enough``."""
-    least = enough
+    least, span = enough, (0.0, scene.settings[0].horizon)
     for i in range(scene.bodies.shape[0]):
         if moves(scene, i):
-            span = (0.0, scene.settings[0].horizon)
             least, _ = least_room(scene, rollout, i, span, least)
     return least
-
-
-@compiled
-def exact_rollout(scene: Scene, plan: Plan, twist: Pair) -> Rollout:
-    """Return the exact rollout of a plan whose first control step drives a twist."""
-    return roll_out(scene, plan, twist, scene.settings[0].dt, 1)
-
-
-@compiled
-def rollout_to_rest(scene: Scene, twist: Pair) -> Rollout:
-    """Return the exact rollout of a twist for one control step, then braking."""
-    return exact_rollout(scene, hold(twist[0], twist[1], scene.settings[0].dt), twist)
-
-
-@compiled_once
-def keeps_clear(scene: Scene, plan: Plan, twist: Pair, until: float) -> bool:
-    """Return whether a plan that begins with a twist is clear.
-
-    Of moving bodies for ``until`` s, of static ones until the robot stands.
-    """
-    rollout, level = exact_rollout(scene, plan, twist), lowest(scene)
-    return keeps_all(scene, rollout, Watch((until, level), (rollout.rest, level)))
 
 
 @compiled_once
@@ -128,22 +149,23 @@ def first_twist(scene: Scene, plan: Plan) -> Pair:
 
 
 @compiled_once
-def clear_end(scene: Scene, target: Pair, twist: Pair, least: float) -> float:
-    """Return the duration (s) of a target for which the plan is clear.
+def exact_rollout(scene: Scene, plan: Plan) -> Rollout:
+    """Return the exact rollout of a plan."""
+    return roll_out(scene, plan, first_twist(scene, plan), scene.settings[0].dt, 1)
 
-    The first of :data:`HOLDS`, at least ``least``; 0 if none.
+
+@compiled_once
+def clear_plan(scene: Scene, target: Pair) -> Plan:
+    """Return the clear plan of a target twist held for the longest of :data:`HOLDS`.
+
+    Its ``end`` is 0 if none is clear.
     """
     s = scene.settings[0]
-    if is_inexact(scene) and not may_brake(scene, twist):
-        return 0.0
     for lasts in HOLDS:
-        end = whole_steps(min(lasts, s.horizon), s.dt)
-        if end < least:
-            break
-        plan = hold(target[0], target[1], end)
-        if keeps_clear(scene, plan, twist, s.horizon):
-            return float(end)
-    return 0.0
+        plan = hold(target[0], target[1], whole_steps(min(lasts, s.horizon), s.dt))
+        if verdict(scene, plan, s.horizon):
+            return plan
+    return hold(target[0], target[1], 0.0)
 
 
 @compiled
@@ -180,58 +202,56 @@ def drift_of(scene: Scene, twist: Pair) -> float:
 
 
 @compiled_once
-def may_brake(scene: Scene, twist: Pair) -> bool:
-    """Return whether one step of a twist, then braking, is clear of static bodies.
+def is_followed(scene: Scene, twist: Pair) -> bool:
+    """Return whether one step of a twist, then braking, is clear with the actuator.
 
-    With the actuator model: jitter lengthens the arc, ramps let static bodies grow, and
-    with uncertain delays the robot may be that much farther along, and turned, when the
-    twist takes effect.
+    Of static bodies. Jitter lengthens the arc, ramps let static bodies grow, and with
+    uncertain delays the robot may be that much farther along, and turned, when the
+    twist takes effect. True for an exact actuator.
     """
+    if not is_inexact(scene):
+        return True
     s = scene.settings[0]
-    drift, (far, turned) = drift_of(scene, twist), scene.pending
-    braced = altered(scene, scene.bodies, drift, scene.closest)
+    braced, (far, turned) = drifting(scene, drift_of(scene, twist)), scene.pending
     reach = limits_of(scene.robot).circumradius + way_to_rest(scene, twist)
     # Each pending step may last longer than predicted.
     off = (scene.longest - s.dt) * (far + turned * reach)
-    rollout = rollout_to_rest(braced, twist)
-    return keeps_from_standing(braced, rollout, lowest(scene) + off)
+    rollout, level = exact_rollout(braced, hold(twist[0], twist[1], s.dt)), off
+    level += threshold(scene)
+    return keeps_all(braced, rollout, Watch(UNWATCHED, (rollout.rest, level)))
 
 
 @compiled_once
-def standing_room(scene: Scene, rollout: Rollout, enough: float) -> float:
-    """Return the least margin of static bodies until rest, m, ≤ ``enough``.
+def may_move(scene: Scene, twist: Pair, margin: float) -> bool:
+    """Return whether a twist resolves contacts, or is rest.
 
-    ``enough`` is a verified lower bound, or the samples may miss the minimum.
+    And, with ``passive`` and a contact, present or predicted by the least margin of
+    moving bodies, whether it brakes in time.
     """
-    if keeps_from_standing(scene, rollout, enough):
-        return enough
-    least, watch = enough - REPLAY_ROUNDING, Watch(UNWATCHED, (rollout.rest, enough))
-    i = next_body(scene, rollout, 0, watch)
-    while i < scene.bodies.shape[0]:
-        room, _ = least_room(scene, rollout, i, (0.0, rollout.rest), enough)
-        least, i = min(least, room), next_body(scene, rollout, i + 1, watch)
-    return least
+    s, touches = scene.settings[0], scene.clearance <= 0.0
+    if touches and not leaves_contacts(scene, twist):
+        return False
+    caught = s.passive != 0 and (touches or margin < -s.r_min_slow)
+    return not caught or rests_in_time(scene, twist)
 
 
 @compiled_once
-def no_worse_than(scene: Scene, brake: Pair, twist: Pair) -> bool:
-    """Return whether a twist, then braking, has no less static margin than ``brake``.
-
-    Only margins below the threshold are compared.
-    """
-    rollout, level = rollout_to_rest(scene, twist), lowest(scene)
-    watch = Watch(UNWATCHED, (rollout.rest, level))
-    i = next_body(scene, rollout, 0, watch)
-    while i < scene.bodies.shape[0]:
-        # Both share the scene's memory: each is rolled out again after the other.
-        stop = rollout_to_rest(scene, brake)
-        room, _ = least_room(scene, stop, i, (0.0, stop.rest), level)
-        rollout = rollout_to_rest(scene, twist)
-        end = (0.0, rollout.rest)
-        near, _ = too_near(scene, rollout, i, end, room - REPLAY_ROUNDING, 0.0)
-        if near:
-            return False
-        i = next_body(scene, rollout, i + 1, watch)
+def leaves_contacts(scene: Scene, twist: Pair) -> bool:
+    """Return whether a twist resolves contacts with static bodies, or is rest."""
+    if twist == (0.0, 0.0):
+        return True
+    s = scene.settings[0]
+    rollout = exact_rollout(scene, hold(twist[0], twist[1], s.dt))
+    for i in range(scene.bodies.shape[0]):
+        body = body_at(scene, i)
+        touched = body.keep - tolerance(scene) < body.inflation
+        # keep_at_most has removed all of r_min: the surfaces are in contact.
+        if not moves(scene, i) and touched:
+            span = (s.dt, max(rollout.rest, s.dt))
+            level = CONTACT_ROUNDING - tolerance(scene)
+            near, _ = too_near(scene, rollout, i, span, level, 0.0)
+            if near:
+                return False
     return True
 
 
@@ -241,7 +261,7 @@ def rests_in_time(scene: Scene, twist: Pair) -> bool:
 
     Passive safety [Bouraine2012]: the setting ``passive``.
     """
-    rollout = rollout_to_rest(scene, twist)
+    rollout = exact_rollout(scene, hold(twist[0], twist[1], scene.settings[0].dt))
     for i in range(scene.bodies.shape[0]):
         if moves(scene, i) and rollout.rest > 0.0:
             body = body_at(scene, i)

@@ -3,11 +3,11 @@
 import math
 from typing import Annotated
 
-from qpavoid.avoidance.barrier_rows import wanted_distance
+from qpavoid.avoidance.bodies import Request, Setup
+from qpavoid.avoidance.cbf_rows import wanted_distance
 from qpavoid.avoidance.decision import INVALID, REPELLED, SINGULAR, TRACKING
-from qpavoid.avoidance.ladder import Outcome, unsolved
-from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.settings import activation
+from qpavoid.avoidance.step import Outcome, no_outcome
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.model.contact import approach_row, edge_at
 from qpavoid.model.contacts import (
@@ -110,11 +110,11 @@ def repulsion_step(
     """
     (v, omega), robot = request.desired, setup.robot
     if not (math.isfinite(v) and math.isfinite(omega)):
-        return unsolved(INVALID, (0.0, 0.0), 0.0)
+        return no_outcome(INVALID)
     radius = limits_of(robot).circumradius
     _, nearest = contact_table(setup.edges, radius, request.obstacles, 0.0, contacts)
     if nearest == -2:
-        return unsolved(INVALID, (0.0, 0.0), 0.0)
+        return no_outcome(INVALID)
     code, push_v, push_omega = TRACKING, 0.0, 0.0
     distance, obstacle = math.inf, -1
     if nearest >= 0:

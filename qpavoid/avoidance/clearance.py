@@ -1,0 +1,497 @@
+"""Clearance of a plan: the margins of bodies along a rollout, in continuous time.
+
+The *margin* of a body is its distance from the footprint minus the required distance.
+After a sample at time t the next one is where a bound of the margin reaches the
+threshold [Mirtich1996]; a margin found above a threshold is so between samples, too.
+
+Beyond an arc, and far away, the bound is that of the circles round footprint and body.
+Elsewhere it is as follows.
+
+Let m be the margin, n the normal of the contact and P_r its point, in the robot frame.
+No point of the footprint lies beyond the line across n at P_r. Hence, for an end e of
+the body's segment, m(t + τ) ≥ m_e + n·(e(t + τ) − e(t)), and the least over both ends
+bounds that of the segment. With the robot driving u = (v, ω), and the end moving at w
+over ground (in the robot's axes) on an obstacle that spins at σ with lever l,
+
+    n·(e(t + τ) − e(t)) ≥ s τ − ½ Q τ²     for |ω| τ ≤ 1,     s = n·w − n·J_e u,
+    Q = max(ω² n·e − ω v n_y, 0) + ⅓ |ω| max(−n·J_e u, 0) + 2 |ω| |w| + σ² l.
+
+In the robot frame a static point moves on a circle round the centre of rotation, where
+1 − cos φ ≤ φ²/2 and sin φ ≥ φ − φ²/6 for φ in [0, 1]: the first two terms. The others
+bound the rotation of w in the robot's axes, and by the spin. While the robot brakes
+along its arc it drives a part of u, and only components that approach are counted.
+
+Where the margin stays at the threshold the steps would vanish: ``slack`` is the part of
+the threshold that may be missed between samples.
+
+**Complexity.** A body or group is sampled at most :data:`LOOKS` times along a rollout,
+and once per arc; if that does not decide, it counts as too near. A call of the filter
+rolls out fewer than 1,400 plans for any input, typically fewer than twenty.
+
+**Broad phase.** Bodies are skipped by the circles round footprint and body, and in
+groups. Successive points, as of a scan, share a wall whose margin is at most that of
+any of them (:func:`qpavoid.avoidance.bodies.group_of`): if the wall's keeps the
+threshold, and :data:`SPARE` at every sample, none of the points is checked.
+"""
+
+import math
+from typing import NamedTuple
+
+from qpavoid.avoidance.bodies import (
+    BODY_GROUP,
+    BODY_OWNER,
+    MOVES,
+    Body,
+    Scene,
+    body_at,
+    comes_first,
+    is_point,
+    moves,
+    of_groups,
+    threshold,
+)
+from qpavoid.avoidance.plan import (
+    Arc,
+    Rollout,
+    arc_at,
+    arc_index,
+    braking_share,
+    frame_at,
+)
+from qpavoid.compiled import compiled, compiled_once
+from qpavoid.model.capsules import Segment
+from qpavoid.model.contact import Contact, point_contact, wall_contact
+from qpavoid.model.kinematics import Frame
+from qpavoid.model.robot import limits_of
+from qpavoid.types import Array, Pair
+
+
+class End(NamedTuple):
+    """One end of a body's segment.
+
+    Attributes:
+        x: Robot frame, m.
+        y: Robot frame, m.
+        v_x: Over ground, in the robot's axes, m/s.
+        v_y: Over ground, in the robot's axes, m/s.
+    """
+
+    x: float
+    y: float
+    v_x: float
+    v_y: float
+
+
+class Ends(NamedTuple):
+    """Both ends of a body's segment at a time; equal for a point."""
+
+    one: End
+    other: End
+
+
+@compiled_once
+def ends_at(body: Body, time: float, at: Frame) -> Ends:
+    """Return the ends of a body at a time, in a frame."""
+    v_x, v_y, c, s = body.v_x, body.v_y, at.cos, at.sin
+    p_x, p_y = body.x + time * v_x - at.x, body.y + time * v_y - at.y
+    if is_point(body):
+        x, y = c * p_x + s * p_y, c * p_y - s * p_x
+        end = End(x, y, c * v_x + s * v_y, c * v_y - s * v_x)
+        return Ends(end, end)
+    x1, y1, x2, y2, spin = body.x1, body.y1, body.x2, body.y2, body.turn
+    # A rotating obstacle turns its segment about the pivot, which moves straight.
+    if spin != 0.0:
+        cos, sin = math.cos(spin * time), math.sin(spin * time)
+        x1, y1 = cos * x1 - sin * y1, sin * x1 + cos * y1
+        x2, y2 = cos * x2 - sin * y2, sin * x2 + cos * y2
+    v_x1, v_y1 = v_x - spin * y1, v_y + spin * x1
+    v_x2, v_y2 = v_x - spin * y2, v_y + spin * x2
+    x1, y1, x2, y2 = p_x + x1, p_y + y1, p_x + x2, p_y + y2
+    w_x1, w_y1 = c * v_x1 + s * v_y1, c * v_y1 - s * v_x1
+    w_x2, w_y2 = c * v_x2 + s * v_y2, c * v_y2 - s * v_x2
+    x1, y1 = c * x1 + s * y1, c * y1 - s * x1
+    x2, y2 = c * x2 + s * y2, c * y2 - s * x2
+    return Ends(End(x1, y1, w_x1, w_y1), End(x2, y2, w_x2, w_y2))
+
+
+@compiled_once
+def line_contact(edges: Array, body: Body, ends: Ends) -> Contact:
+    """Return the contact of the footprint with the segment of a body."""
+    one, other = ends.one, ends.other
+    if is_point(body):
+        return point_contact(edges, one.x, one.y)
+    return wall_contact(edges, Segment(one.x, one.y, other.x, other.y))
+
+
+@compiled
+def circle_room(scene: Scene, body: Body, time: float, at: Frame) -> float:
+    """Return a lower bound of the margin, m: that of the circles round both."""
+    # The circles are independent of the headings.
+    d_x, d_y = body.x + time * body.v_x - at.x, body.y + time * body.v_y - at.y
+    apart = math.sqrt(d_x * d_x + d_y * d_y)
+    return float(apart - limits_of(scene.robot).circumradius - body.spread)
+
+
+@compiled
+def growth_of(scene: Scene, body: Body) -> float:
+    """Return the rate of growth of a body's required distance, m/s."""
+    return float(body.growth + (scene.drift if body.kind != MOVES else 0.0))
+
+
+@compiled
+def passing_speed(scene: Scene, rollout: Rollout, body: Body) -> float:
+    """Return the greatest closing speed of the circles round both, m/s."""
+    speed = math.sqrt(body.v_x**2 + body.v_y**2)
+    return float(rollout.speed + speed + growth_of(scene, body))
+
+
+@compiled
+def stays_away(
+    scene: Scene, rollout: Rollout, i: int, end: float, level: float
+) -> bool:
+    """Return whether the circle of body i keeps a threshold up to a time.
+
+    One comparison, for the many bodies that are far away.
+
+    Args:
+        scene: With the body.
+        rollout: Of the robot.
+        i: Number of the body.
+        end: End of the check, s.
+        level: Threshold, m.
+    """
+    body = body_at(scene, i)
+    # Squares, without a root: most bodies are rejected here. With far < 0 the threshold
+    # cannot be violated.
+    far = limits_of(scene.robot).circumradius + body.spread + level
+    far += passing_speed(scene, rollout, body) * end
+    return bool(far < 0.0 or body.x * body.x + body.y * body.y > far * far)
+
+
+@compiled
+def closing_speed(scene: Scene, rollout: Rollout, body: Body) -> float:
+    """Return the greatest closing speed of footprint and body, m/s."""
+    turning = rollout.turning * limits_of(scene.robot).circumradius
+    speed = body.speed + growth_of(scene, body)
+    return float(rollout.speed + turning + speed)
+
+
+BOUND_ROUNDING = 1e-10
+"""m; tolerance of the bounds for rounding."""
+
+NO_BEND = 1e-300
+"""m/s²; divisor below which a quotient counts as infinite."""
+
+
+@compiled_once
+def time_to_lose(room: float, rate: float, bend: float) -> float:
+    """Return the least τ with room + rate·τ − ½ bend·τ² = 0, s; room and bend ≥ 0."""
+    root = math.sqrt(rate * rate + 2.0 * bend * room)
+    # The form of the root without cancellation.
+    if rate < 0.0:
+        return 2.0 * room / (root - rate)
+    return (rate + root) / bend if bend > NO_BEND else math.inf
+
+
+class ArcTwist(NamedTuple):
+    """Twist on an arc at a time.
+
+    Attributes:
+        v: m/s.
+        omega: rad/s.
+        brakes: Whether it decreases.
+    """
+
+    v: float
+    omega: float
+    brakes: bool
+
+
+@compiled_once
+def arc_twist(arc: Arc, time: float, dt: float) -> ArcTwist:
+    """Return the twist at a time on an arc."""
+    share = braking_share(time - arc.begin, arc.steps, dt)
+    return ArcTwist(share * arc.v, share * arc.omega, arc.steps < math.inf)
+
+
+@compiled_once
+def end_time(
+    contact: Contact, end: End, driven: ArcTwist, line: tuple[float, float, float]
+) -> float:
+    """Return a lower bound of the time until an end crosses a line, s.
+
+    ``line``: its position along the normal, m; its speed away, m/s; and σ² l, the
+    rate of change of the end's velocity, m/s².
+    """
+    n_x, n_y, fast = contact.n_x, contact.n_y, abs(driven.omega)
+    (x, y, v_x, v_y), (floor, growth, spin) = end, line
+    spare = max(n_x * x + n_y * y - floor - BOUND_ROUNDING, 0.0)
+    away = -n_x * (driven.v - driven.omega * y) - n_y * driven.omega * x
+    # While braking, motion away from the line does not count.
+    if driven.brakes:
+        away = min(away, 0.0)
+    bend = fast * fast * (n_x * x + n_y * y) - driven.omega * driven.v * n_y
+    bend = max(bend, 0.0) + max(away, 0.0) * fast / 3.0
+    bend += 2.0 * fast * math.sqrt(v_x * v_x + v_y * v_y) + spin
+    time = time_to_lose(spare, away + n_x * v_x + n_y * v_y - growth, bend)
+    # sin φ ≥ φ − φ³/6 was used for φ up to 1, and only where the end goes away.
+    return min(time, 1.0 / fast) if away > 0.0 and fast > 0.0 else time
+
+
+@compiled_once
+def line_time(
+    body: Body, contact: Contact, ends: Ends, driven: ArcTwist, keep: Pair
+) -> float:
+    """Return a lower bound of the time until a body's segment violates its distance, s.
+
+    Args:
+        body: The body.
+        contact: Its contact now.
+        ends: Of its segment.
+        driven: Twist of the robot.
+        keep: Required distance, m, and its rate of growth, m/s.
+    """
+    # Along n the footprint ends at P_r: an end may approach it by the margin.
+    floor = contact.n_x * contact.x + contact.n_y * contact.y + keep[0]
+    square = body.turn * body.turn
+    spin = square * math.sqrt(body.x1**2 + body.y1**2)
+    time = end_time(contact, ends.one, driven, (floor, keep[1], spin))
+    if is_point(body):
+        return time
+    spin = square * math.sqrt(body.x2**2 + body.y2**2)
+    return min(time, end_time(contact, ends.other, driven, (floor, keep[1], spin)))
+
+
+LOOKS = 80
+"""Samples of one body along a rollout, in addition to one per arc."""
+
+AFAR = 0.1
+"""m; excess of the margin above which the bound of the circles is used."""
+
+STEP = 0.05
+"""s; sampling period of the search for the least margin."""
+
+MOST_SKIPPED = 1e6
+"""Greatest number of skipped steps: compiled, a floor is an integer of 64 bits."""
+
+REFINEMENTS = 6
+"""Bisections about the time of the least margin."""
+
+
+@compiled_once
+def room_at(scene: Scene, rollout: Rollout, i: int, time: float) -> float:
+    """Return the margin of body i at a time, m."""
+    body = body_at(scene, i)
+    arc = arc_at(rollout.arcs, arc_index(rollout.arcs, 0, time))
+    ends = ends_at(body, time, frame_at(arc, time, scene.longest))
+    distance = line_contact(scene.edges, body, ends).distance
+    return float(distance - body.keep - growth_of(scene, body) * time)
+
+
+@compiled_once
+def too_near(
+    scene: Scene, rollout: Rollout, i: int, span: Pair, level: float, slack: float
+) -> tuple[bool, float]:
+    """Return whether the margin of body i falls below a threshold, and when first.
+
+    Args:
+        scene: With the body.
+        rollout: Of the robot.
+        i: Number of the body.
+        span: Begin and end of the check, s.
+        level: Threshold, m.
+        slack: False only if the margin is at least level − slack, m, at all times.
+    """
+    arcs, dt, (time, end) = rollout.arcs, scene.longest, span
+    body, count, row = body_at(scene, i), arcs.shape[0], 0
+    growth, passing = growth_of(scene, body), passing_speed(scene, rollout, body)
+    pace = closing_speed(scene, rollout, body)
+    for _ in range(LOOKS + count):
+        row = arc_index(arcs, row, time)
+        arc = arc_at(arcs, row)
+        at = frame_at(arc, time, dt)
+        # A distance of two circles costs one root, a contact all edges.
+        spare = circle_room(scene, body, time, at) - growth * time - level
+        if spare > AFAR:
+            wait = spare / passing if passing > 0.0 else math.inf
+        else:
+            ends = ends_at(body, time, at)
+            contact = line_contact(scene.edges, body, ends)
+            keep = body.keep + growth * time + level
+            if contact.distance < keep:
+                return True, time
+            driven, least = arc_twist(arc, time, dt), keep - slack
+            wait = line_time(body, contact, ends, driven, (least, growth))
+            if row + 1 < count:
+                # The bound holds for this arc's twist; the next one is sampled at its
+                # start.
+                wait = min(wait, arc_at(arcs, row + 1).begin - time)
+            if pace > 0.0:
+                # The bound by the greatest speed [Mirtich1996] holds across arcs, and
+                # may be the longer one.
+                wait = max(wait, (contact.distance - least - BOUND_ROUNDING) / pace)
+        time += wait
+        if time >= end:
+            return False, end
+    # Undecided after all samples: too near, which is conservative.
+    return True, time
+
+
+@compiled_once
+def least_room(
+    scene: Scene, rollout: Rollout, i: int, span: Pair, enough: float
+) -> tuple[float, float]:
+    """Return the least sampled margin of body i, m, and its time, s.
+
+    Sampled every :data:`STEP`, at most :data:`LOOKS` times, then bisected about the
+    least.
+
+    Args:
+        scene: With the body.
+        rollout: Of the robot.
+        i: Number of the body.
+        span: Begin and end of the search, s.
+        enough: Upper bound of the result, m.
+    """
+    arcs, dt, (time, end) = rollout.arcs, scene.longest, span
+    body, least, when, row = body_at(scene, i), enough, -1.0, 0
+    passing = passing_speed(scene, rollout, body)
+    pace = closing_speed(scene, rollout, body)
+    step = max(STEP, (end - time) / LOOKS)
+    for _ in range(LOOKS + 1):
+        row = arc_index(arcs, row, time)
+        at = frame_at(arc_at(arcs, row), time, dt)
+        growth = growth_of(scene, body) * time
+        room, speed = circle_room(scene, body, time, at) - growth, passing
+        if room < least + AFAR:
+            contact = line_contact(scene.edges, body, ends_at(body, time, at))
+            room, speed = contact.distance - body.keep - growth, pace
+            if room < least:
+                least, when = room, time
+        if time >= end:
+            break
+        # Within so many steps the margin cannot fall below the least so far.
+        steps, way = 1.0, speed * step
+        if way > 0.0:
+            steps = max(math.floor(min((room - least) / way, MOST_SKIPPED)), 1.0)
+        time = min(time + steps * step, end)
+    for _ in range(REFINEMENTS if when >= 0.0 else 0):
+        step *= 0.5
+        for side in range(2):
+            time = min(max(when + (2 * side - 1) * step, span[0]), end)
+            room = room_at(scene, rollout, i, time)
+            if room < least:
+                least, when = room, time
+    return least, when
+
+
+SPARE = 0.02
+"""m; excess of a group's margin below which its points are checked one by one."""
+
+
+class Meeting(NamedTuple):
+    """First violation along a rollout.
+
+    Attributes:
+        body: Its number, or −1.
+        time: Of the violation, s.
+    """
+
+    body: int
+    time: float
+
+
+class Watch(NamedTuple):
+    """Time spans and thresholds of a check along a rollout.
+
+    Attributes:
+        moving: For moving bodies: end of the check, s (below 0: none), and threshold of
+            the margin, m.
+        still: For static bodies.
+    """
+
+    moving: Pair
+    still: Pair
+
+
+UNWATCHED = (-1.0, 0.0)
+"""Entry of a :class:`Watch` without a check."""
+
+
+@compiled_once
+def next_body(scene: Scene, rollout: Rollout, i: int, watch: Watch) -> int:
+    """Return the first body from i on that needs a check, or the number of bodies.
+
+    Bodies are skipped by their circles and by their groups.
+    """
+    count: int = scene.bodies.shape[0]
+    while i < count:
+        row, wanted = int(scene.bodies[i, BODY_GROUP]), watch.still
+        if moves(scene, i):
+            wanted = watch.moving
+        end, level = wanted
+        # The owner of a group is the row after its last point.
+        if row >= 0 and (end < 0.0 or is_far(scene, rollout, row, wanted)):
+            i = int(scene.groups[row, BODY_OWNER])
+        elif end < 0.0 or stays_away(scene, rollout, i, end, level):
+            i += 1
+        else:
+            return i
+    return count
+
+
+@compiled_once
+def is_far(scene: Scene, rollout: Rollout, row: int, wanted: Pair) -> bool:
+    """Return whether a group keeps a threshold up to a time; ``wanted``: both."""
+    (end, level), near = wanted, False
+    groups = of_groups(scene)
+    # SPARE at every sample, and a miss of SPARE in between, leave the threshold.
+    if not stays_away(groups, rollout, row, end, level):
+        near, _ = too_near(groups, rollout, row, (0.0, end), level + SPARE, SPARE)
+    return not near
+
+
+@compiled_once
+def is_met(
+    scene: Scene, rollout: Rollout, i: int, watch: Watch, slack: float
+) -> Meeting:
+    """Return the violation of body i along a rollout, if any.
+
+    A static body inside r_min may stay as near: else it could not be left.
+    """
+    (end, level), now = watch.still, body_at(scene, i).now
+    if moves(scene, i):
+        end, level = watch.moving
+    if now < level:
+        level = now
+        if level < -slack:
+            level, slack = threshold(scene), 0.0
+    near, time = too_near(scene, rollout, i, (0.0, end), level, slack)
+    return Meeting(i if near else -1, time)
+
+
+@compiled_once
+def keeps_all(scene: Scene, rollout: Rollout, watch: Watch) -> bool:
+    """Return whether no body violates its threshold."""
+    i = next_body(scene, rollout, 0, watch)
+    while i < scene.bodies.shape[0]:
+        if is_met(scene, rollout, i, watch, 0.0).body >= 0:
+            return False
+        i = next_body(scene, rollout, i + 1, watch)
+    return True
+
+
+@compiled_once
+def first_met(scene: Scene, rollout: Rollout, watch: Watch, slack: float) -> Meeting:
+    """Return the first body, in the order of rows, that violates, and when.
+
+    ``slack``: see :func:`too_near`.
+    """
+    met = Meeting(-1, 0.0)
+    i = next_body(scene, rollout, 0, watch)
+    while i < scene.bodies.shape[0]:
+        if met.body < 0 or comes_first(scene.bodies, i, met.body):
+            found = is_met(scene, rollout, i, watch, slack)
+            met = found if found.body >= 0 else met
+        i = next_body(scene, rollout, i + 1, watch)
+    return met

@@ -1,0 +1,612 @@
+"""Look-ahead: a constant twist whose predicted distances stay above r_min.
+
+A row of the present constrains only the present distance. It vanishes for an obstacle
+that approaches abeam of the axle, comes late for a fast one, and makes the robot crawl
+along a wall given as points, since every point ahead of a corner slows it down. Here
+the twist u = (v, ω) is held in a prediction, bodies keep their velocities, and at times
+t_k up to the horizon the distances d_k(u) must stay above r_min:
+
+    d_k(ū) + ∇d_k(ū)·(u − ū) ≥ r_min,   ∇d_k = d̂_oᵀ ∂P_r(t_k)/∂u,
+
+with P_r the footprint point nearest then, linearised about ū and iterated: sequential
+convexification in two unknowns, one QP per iteration, by the exact solver. The choice
+of the passing side gives several local optima: the iteration starts from several ū,
+takes the cheapest solution, and switches only to one that is cheaper by more than the
+hysteresis. Of two solutions of equal cost the one to the right is taken.
+
+With acceleration limits u is the target twist, reached from the last twist at full
+acceleration, and the first step towards it is driven.
+"""
+
+import math
+from typing import NamedTuple
+
+from qpavoid.avoidance.bodies import (
+    Body,
+    Scene,
+    any_moves,
+    body_at,
+    comes_first,
+    moves,
+    tolerance,
+)
+from qpavoid.avoidance.cbf_rows import wheel_rows
+from qpavoid.avoidance.clearance import (
+    Meeting,
+    Watch,
+    circle_room,
+    closing_speed,
+    ends_at,
+    first_met,
+    is_met,
+    line_contact,
+    next_body,
+    passing_speed,
+)
+from qpavoid.avoidance.plan import (
+    DUE,
+    FREE,
+    GROUP,
+    NEW_PLAN,
+    SAME_TIME,
+    TARGET_MODE,
+    Arc,
+    Rollout,
+    Slopes,
+    arc_at,
+    arc_index,
+    braking_place,
+    frame_at,
+    hold,
+    kept_plan,
+    roll_out,
+    set_slopes,
+    slopes_of,
+)
+from qpavoid.avoidance.verdict import first_target
+from qpavoid.compiled import compiled, compiled_once, entry
+from qpavoid.model.kinematics import TINY, Frame, moved_on
+from qpavoid.model.robot import RELATIVE_ROUNDING, clipped, within_wheels
+from qpavoid.qp.exact import A_OMEGA, A_V, ROW_OWNER, B, Optimum, Terms, solve_exactly
+from qpavoid.types import Array, Box, Pair
+
+ROW_ROOM = 2e-3
+"""m; added to r_min in the linearised rows, so that the true distance keeps r_min."""
+
+BARELY_TURNED = 1e-3
+"""rad; turn of an arc below which its slopes are those of a line, to 1e-6 of them."""
+
+ROW_WITHIN = 0.25
+"""m; margin above which a distance gets no row in this iteration."""
+
+STRIDE, OCTANTS = 4, 8
+"""Ticks, and directions of the normal, that share one row each."""
+
+DIAGONAL = math.tan(math.pi / 8.0)
+"""tan 22.5°: sectors are centred on axes and diagonals, where flat sides lie."""
+
+
+class Side(NamedTuple):
+    """A future contact that gets a row.
+
+    Attributes:
+        x: P_r in the robot frame of that time, m.
+        y: Of P_r, m.
+        n_x: Outward normal of the footprint there, in the same frame.
+        n_y: Of the normal.
+        room: Margin, m.
+        time: s.
+        body: Its number.
+    """
+
+    x: float
+    y: float
+    n_x: float
+    n_y: float
+    room: float
+    time: float
+    body: float
+
+
+SIDE, ROOM_OF = len(Side._fields), Side._fields.index("room")
+
+
+class Tables(NamedTuple):
+    """Memory of the look-ahead.
+
+    Attributes:
+        sides: (:func:`most_sides`, :data:`SIDE`).
+        frames: (ticks + 1, 4) predicted robot frames: x, y (m), cosine, sine.
+    """
+
+    sides: Array
+    frames: Array
+
+
+@entry
+@compiled
+def most_sides(ticks: int) -> int:
+    """Return the greatest number of sides within so many ticks."""
+    return (ticks + STRIDE - 1) // STRIDE * OCTANTS
+
+
+@compiled_once
+def sector(n_x: float, n_y: float) -> int:
+    """Return the octant of a direction, 0 to 7."""
+    if abs(n_y) <= DIAGONAL * abs(n_x):
+        return 0 if n_x > 0.0 else 4
+    if abs(n_x) < DIAGONAL * abs(n_y):
+        return 2 if n_y > 0.0 else 6
+    if n_x > 0.0:
+        return 1 if n_y > 0.0 else 7
+    return 3 if n_y > 0.0 else 5
+
+
+@compiled
+def side_at(sides: Array, row: int) -> Side:
+    """Return a row of the table as a record."""
+    s = sides[row]
+    return Side(s[0], s[1], s[2], s[3], s[4], s[5], s[6])
+
+
+@compiled
+def set_side(sides: Array, row: int, side: Side) -> None:
+    """Write a row of the table."""
+    s = sides[row]
+    s[0], s[1], s[2], s[3] = side.x, side.y, side.n_x, side.n_y
+    s[4], s[5], s[6] = side.room, side.time, side.body
+
+
+@compiled_once
+def note_contact(
+    scene: Scene, i: int, body: Body, time: float, at: Frame, sides: Array
+) -> float:
+    """Store the contact with a body at a time, if it gets a row; return its margin.
+
+    Of a static body the margin that is missing now is added, up to :data:`ROW_ROOM`.
+
+    Args:
+        scene: Of the step.
+        i: Number of the body.
+        body: The body.
+        time: s.
+        at: Frame of the robot then.
+        sides: Updated.
+    """
+    ends, tick = ends_at(body, time, at), scene.settings[0].tick
+    contact = line_contact(scene.edges, body, ends)
+    room = contact.distance - body.keep + max(ROW_ROOM - body.now, 0.0)
+    if room < ROW_WITHIN:
+        # Ticks 1 to STRIDE share slot 0, the next ones slot 1, independent of rounding.
+        slot = max(math.ceil(time / tick - SAME_TIME) - 1, 0) // STRIDE
+        row = slot * OCTANTS + sector(contact.n_x, contact.n_y)
+        side = side_at(sides, row)
+        # Of equal margins the first body's: independent of the order of input.
+        if room < side.room or (
+            room == side.room and comes_first(scene.bodies, i, int(side.body))
+        ):
+            p_x, p_y, n_x, n_y = contact.x, contact.y, contact.n_x, contact.n_y
+            set_side(sides, row, Side(p_x, p_y, n_x, n_y, room, time, i))
+    return float(room)
+
+
+@compiled_once
+def frame_then(scene: Scene, rollout: Rollout, k: int, frames: Array) -> Frame:
+    """Return the robot's frame at a tick, cached in a table."""
+    f, s = frames[k], scene.settings[0]
+    # An impossible cosine marks a row that is not filled in for this rollout.
+    if f[2] > 1.0:
+        arc = arc_at(rollout.arcs, arc_index(rollout.arcs, 0, s.tick * k))
+        at = frame_at(arc, s.tick * k, s.dt)
+        f[0], f[1], f[2], f[3] = at.x, at.y, at.cos, at.sin
+    return Frame(f[0], f[1], f[2], f[3])
+
+
+@compiled_once
+def nearest_sides(scene: Scene, rollout: Rollout, tables: Tables) -> None:
+    """Fill in the contacts that get a row of the linearisation.
+
+    Contacts with similar normals at about the same time give similar rows; the one with
+    the least margin gets the row of its :data:`STRIDE` and sector. A body is sampled
+    again when its margin may have changed by its value. A missed contact costs at most
+    an iteration, since the solution is verified in full.
+    """
+    s, sides = scene.settings[0], tables.sides
+    for row in range(sides.shape[0]):
+        # Empty: no smaller margin yet.
+        sides[row, ROOM_OF] = ROW_WITHIN
+    for k in range(tables.frames.shape[0]):
+        tables.frames[k, 2] = math.inf
+    watch = Watch((s.horizon, ROW_WITHIN), (s.horizon_still, ROW_WITHIN))
+    i = next_body(scene, rollout, 0, watch)
+    while i < scene.bodies.shape[0]:
+        body, end = body_at(scene, i), s.horizon if moves(scene, i) else s.horizon_still
+        last, k = round(end / s.tick), 1
+        pace = s.tick * closing_speed(scene, rollout, body) + TINY
+        passing = s.tick * passing_speed(scene, rollout, body) + TINY
+        while k <= last:
+            time, at = s.tick * k, frame_then(scene, rollout, k, tables.frames)
+            room = circle_room(scene, body, time, at)
+            if room > 2.0 * ROW_WITHIN:
+                k += 2 + int(min((room - ROW_WITHIN) / passing, last))
+                continue
+            room = note_contact(scene, i, body, time, at, sides)
+            # At least every other tick: neighbouring rows are nearly equal.
+            k += 2 + int(min(abs(room) / pace, last))
+        i = next_body(scene, rollout, i + 1, watch)
+
+
+@compiled_once
+def bend_by_turning(v: float, omega: float, time: float) -> Pair:
+    """Return ∂(x, y)/∂ω of the position after driving (v, ω) for a time."""
+    angle = omega * time
+    if abs(angle) < BARELY_TURNED:
+        # The closed form is ill-conditioned for small ω: its series instead.
+        return -v * omega * time**3 / 3.0, 0.5 * v * time**2
+    cos, sin = math.cos(angle), math.sin(angle)
+    x = (time * cos - sin / omega) / omega
+    y = (time * sin + (cos - 1.0) / omega) / omega
+    return v * x, v * y
+
+
+@compiled_once
+def slopes_at(arc: Arc, begin: Slopes, time: float, dt: float) -> Slopes:
+    """Return the slopes at a time on an arc from those at its start.
+
+    With p the position on the arc, s_v and s_ω the derivatives of its twist by the
+    target: ∂p/∂v = s_v p/v; a turn of the arc's frame rotates p, and ω bends it.
+    """
+    place, turn = braking_place(time - arc.begin, arc.steps, dt), begin.turn
+    one = moved_on(Frame(0.0, 0.0, 1.0, 0.0), 1.0, arc.omega, place)
+    b_x, b_y = bend_by_turning(arc.v, arc.omega, place)
+    # Bending by ω on this arc, and rotation of its chord with the initial heading.
+    l_x = arc.share_omega * b_x - turn * arc.v * one.y
+    l_y = arc.share_omega * b_y + turn * arc.v * one.x
+    return Slopes(
+        begin.x_v + arc.share_v * (arc.cos * one.x - arc.sin * one.y),
+        begin.y_v + arc.share_v * (arc.sin * one.x + arc.cos * one.y),
+        begin.x_omega + arc.cos * l_x - arc.sin * l_y,
+        begin.y_omega + arc.sin * l_x + arc.cos * l_y,
+        turn + arc.share_omega * place,
+    )
+
+
+@compiled_once
+def fill_slopes(rollout: Rollout, dt: float) -> None:
+    """Fill in the slopes at the start of every arc."""
+    arcs, slopes = rollout.arcs, Slopes(0.0, 0.0, 0.0, 0.0, 0.0)
+    set_slopes(arcs, 0, slopes)
+    for row in range(1, arcs.shape[0]):
+        begin = arc_at(arcs, row).begin
+        slopes = slopes_at(arc_at(arcs, row - 1), slopes, begin, dt)
+        set_slopes(arcs, row, slopes)
+
+
+@compiled_once
+def linearised_rows(
+    scene: Scene, rollout: Rollout, met: Meeting, tables: Tables, rows: Array
+) -> int:
+    """Fill in the rows margin + ∇d·(u − ū) ≥ :data:`ROW_ROOM`, m; return their number.
+
+    ū is the first target of the rollout. One row per side with a margin below
+    :data:`ROW_WITHIN`, including that of the violation ``met``, which may lie between
+    two ticks.
+    """
+    sides, about = tables.sides, rollout.target
+    nearest_sides(scene, rollout, tables)
+    if met.body >= 0:
+        arc = arc_at(rollout.arcs, arc_index(rollout.arcs, 0, met.time))
+        at = frame_at(arc, met.time, scene.settings[0].dt)
+        body = body_at(scene, met.body)
+        note_contact(scene, met.body, body, met.time, at, sides)
+    fill_slopes(rollout, scene.settings[0].dt)
+    arcs, dt, count = rollout.arcs, scene.settings[0].dt, 0
+    for i in range(sides.shape[0]):
+        side = side_at(sides, i)
+        if side.room >= ROW_WITHIN:
+            continue
+        k = arc_index(arcs, 0, side.time)
+        arc, n_x, n_y = arc_at(arcs, k), side.n_x, side.n_y
+        at = frame_at(arc, side.time, dt)
+        slopes = slopes_at(arc, slopes_of(arcs, k), side.time, dt)
+        # d shrinks as P_r moves along t, the outward normal: ∇d = −tᵀ ∂P_r/∂u.
+        t_x, t_y = at.cos * n_x - at.sin * n_y, at.sin * n_x + at.cos * n_y
+        a_v = -t_x * slopes.x_v - t_y * slopes.y_v
+        # P_r turns with the robot, as in J_0 of Eq. 4.
+        a_omega = (n_x * side.y - n_y * side.x) * slopes.turn
+        a_omega = a_omega - t_x * slopes.x_omega - t_y * slopes.y_omega
+        rows[count, A_V], rows[count, A_OMEGA] = a_v, a_omega
+        rows[count, B] = a_v * about[0] + a_omega * about[1] + ROW_ROOM - side.room
+        rows[count, ROW_OWNER] = body_at(scene, int(side.body)).owner
+        count += 1
+    return count
+
+
+ITERATIONS = 8
+"""Greatest number of QPs from one start."""
+
+HALVINGS = 2
+"""Greatest number of successive halvings of the trust region."""
+
+HOPELESS, PATIENT = 3, 6
+"""Greatest number of iterations of a start without a feasible twist; and the same while
+no start has one."""
+
+DEAR = 4.0
+"""Cost relative to the best one above which a start is abandoned."""
+
+GAIN = 0.98
+"""Cost relative to the best one above which a solution counts as no improvement."""
+
+UNMOVED = 1e-3
+"""m/s and rad/s; step below which the iteration has converged."""
+
+CHEAP = 1e-3
+"""(m/s)²; cost below which no other start is searched."""
+
+GROUPS = 4
+"""Groups of starts: ahead to either side; the desired twist and rest; straight back and
+straight ahead; back to either side. Mirror images are in the same group."""
+
+
+class Query(NamedTuple):
+    """Problem of the look-ahead.
+
+    Attributes:
+        box: Limits of the target.
+        command: v and ω.
+        desired: The same, with look-ahead within the limits.
+        many: Control steps per arc of a ramp, driven with their mean twist.
+        tables: Memory.
+        rows: Memory of the QP; the first ``separating`` rows are filled in.
+        separating: Rows of the present, of static obstacles inside r_min.
+        slack_tolerance: See :func:`qpavoid.qp.exact.relaxation`.
+        ahead: Whether with look-ahead.
+    """
+
+    box: Box
+    command: Pair
+    desired: Pair
+    many: int
+    tables: Tables
+    rows: Array
+    separating: int
+    slack_tolerance: float
+    ahead: bool
+
+
+class Proposal(NamedTuple):
+    """Solution of a QP: a constant twist.
+
+    Attributes:
+        twist: v, m/s, and ω, rad/s.
+        cost: Of the QP, (m/s)²; ``inf``: none found.
+        about: Twist about which the QP was linearised.
+        met: Violation along the rollout of ``about``.
+        trust: Half-widths of the trust region about ``about``.
+        ahead: Whether the QP has linearised rows.
+    """
+
+    twist: Pair
+    cost: float
+    about: Pair
+    met: Meeting
+    trust: Pair
+    ahead: bool
+
+
+WHOLE, POINT = (math.inf, math.inf), (0.0, 0.0)
+"""Trust regions: all twists, and one."""
+
+SAME_TWIST = 1e-9
+"""m/s and rad/s; tolerance of equal twists."""
+
+
+@compiled_once
+def twist_cost(scene: Scene, one: Pair, other: Pair) -> float:
+    """Return (u − u')ᵀ W (u − u') of two twists, (m/s)²."""
+    s, d_v, d_omega = scene.settings[0], one[0] - other[0], one[1] - other[1]
+    return float(s.weight_v * d_v * d_v + s.weight_omega * d_omega * d_omega)
+
+
+@compiled_once
+def violation(scene: Scene, rollout: Rollout, first: int) -> Meeting:
+    """Return a violation along a rollout; −1 if there is none.
+
+    Body ``first`` is checked first, then the others in the order of their rows. Static
+    bodies are checked for ``horizon_still``. Half of ε is left for errors between
+    samples.
+    """
+    s, slack = scene.settings[0], 0.5 * tolerance(scene)
+    watch = Watch((s.horizon, 0.0), (s.horizon_still, 0.0))
+    if first >= 0:
+        met = is_met(scene, rollout, first, watch, slack)
+        if met.body >= 0:
+            return met
+    return first_met(scene, rollout, watch, slack)
+
+
+@compiled_once
+def driven_on(scene: Scene, query: Query, twist: Pair) -> Rollout:
+    """Return the rollout of a constant twist, a control step beyond the horizon."""
+    s = scene.settings[0]
+    plan = hold(twist[0], twist[1], s.horizon + s.dt)
+    return roll_out(scene, plan, scene.last, 0.0, query.many)
+
+
+class Problem(NamedTuple):
+    """A QP: its rows are the first of the memory.
+
+    Attributes:
+        m: Number of rows: separating, linearised, and the wheels' hard ones.
+        terms: The rest of the problem.
+    """
+
+    m: int
+    terms: Terms
+
+
+@compiled_once
+def qp_of(scene: Scene, query: Query, proposal: Proposal) -> Problem:
+    """Fill in the rows of a proposal's QP."""
+    count = query.separating
+    if proposal.ahead:
+        rollout = driven_on(scene, query, proposal.about)
+        count += linearised_rows(
+            scene, rollout, proposal.met, query.tables, query.rows[count:]
+        )
+    return with_limits(scene, query, proposal, count)
+
+
+@compiled_once
+def with_limits(scene: Scene, query: Query, proposal: Proposal, count: int) -> Problem:
+    """Add the wheels' rows to so many, and the limits."""
+    s, hard = scene.settings[0], wheel_rows(scene.robot, query.rows[count:])
+    box, (d_v, d_omega) = query.box, proposal.trust
+    v, omega = clipped(proposal.about, box)  # rounding may have left the box
+    # fmt: off
+    box = Box(max(box.v_min, v - d_v), min(box.v_max, v + d_v),
+              max(box.omega_min, omega - d_omega), min(box.omega_max, omega + d_omega))
+    # fmt: on
+    weights = (s.weight_v, s.weight_omega)
+    return Problem(count + hard, Terms(box, query.desired, weights, hard))
+
+
+@compiled
+def solution(query: Query, qp: Problem) -> Optimum:
+    """Return the solution of a QP."""
+    return solve_exactly(query.rows[: qp.m + 4], qp.terms, query.slack_tolerance)
+
+
+@compiled
+def nowhere(twist: Pair, trust: Pair, ahead: bool) -> Proposal:
+    """Return the problem about a twist, without a solution."""
+    return Proposal(twist, math.inf, twist, Meeting(-1, 0.0), trust, ahead)
+
+
+@compiled
+def snapped(query: Query, twist: Pair) -> Pair:
+    """Return the desired twist for one that equals it but for rounding."""
+    d_v, d_omega = twist[0] - query.desired[0], twist[1] - query.desired[1]
+    return query.desired if max(abs(d_v), abs(d_omega)) <= SAME_TWIST else twist
+
+
+@compiled_once
+def solved(scene: Scene, query: Query, problem: Proposal, count: int) -> Proposal:
+    """Return the solution of a problem whose first rows are filled in.
+
+    Its cost is ``inf`` if there is none.
+    """
+    found = solution(query, with_limits(scene, query, problem, count))
+    twist, cost = snapped(query, (found.v, found.omega)), math.inf
+    if found.found:
+        cost = twist_cost(scene, twist, query.desired)
+    _, _, about, met, trust, ahead = problem
+    return Proposal(twist, cost, about, met, trust, ahead)
+
+
+@compiled_once
+def proposal_near(scene: Scene, query: Query, start: Pair, limit: float) -> Proposal:
+    """Return a local optimum near a start, by sequential convexification.
+
+    Each QP is linearised about the last solution. If its solution is not feasible, the
+    trust region about a feasible one is halved. The start itself, if feasible, is the
+    solution in a trust region of width 0. A start whose cost exceeds ``limit`` is
+    abandoned.
+    """
+    trial = nowhere(within_wheels(scene.robot, start), POINT, True)
+    best, about, where, halved, count = trial, trial, -1, 0, 0
+    tries = PATIENT if limit == math.inf else HOPELESS
+    for iteration in range(ITERATIONS):
+        rollout = driven_on(scene, query, trial.twist)
+        met, trust = violation(scene, rollout, where), WHOLE
+        where = met.body
+        cost = twist_cost(scene, trial.twist, query.desired)
+        if met.body < 0:
+            halved, gains = 0, cost <= GAIN * best.cost
+            if cost < best.cost:
+                best = at_cost(trial, cost)
+            if not gains:
+                break
+        elif best.cost < math.inf:
+            if halved == HALVINGS:
+                break
+            halved, (v, omega) = halved + 1, trial.twist
+            trust = (0.5 * abs(v - about.twist[0]), 0.5 * abs(omega - about.twist[1]))
+        elif iteration >= tries:
+            break
+        if halved == 0:
+            about = Proposal(trial.twist, cost, trial.twist, met, WHOLE, True)
+            count = query.separating + linearised_rows(
+                scene, rollout, met, query.tables, query.rows[query.separating :]
+            )
+        qp = Proposal(about.twist, cost, about.twist, about.met, trust, True)
+        found = solved(scene, query, qp, count)
+        d_v, d_omega = found.twist[0] - trial.twist[0], found.twist[1] - trial.twist[1]
+        unmoved = met.body < 0 and abs(d_v) + abs(d_omega) < UNMOVED
+        # An infeasible twist may still become cheaper.
+        dearest = limit if met.body < 0 else DEAR * limit
+        if unmoved or found.cost == math.inf or found.cost > dearest:
+            break
+        trial = found
+    return best
+
+
+@compiled_once
+def best_proposal(scene: Scene, query: Query, state: Array) -> Proposal:
+    """Return the cheapest constant twist that is clear for the horizon.
+
+    The present target is refined in every step. The other starts are searched within
+    ``review`` seconds, one group after the other; all at once when its own search fails
+    (half of them if nothing moves: braking suffices); one group per step while there is
+    none. The cost is the QP's, reduced by the hysteresis for the present target and
+    increased by the cost of the change for others.
+    """
+    s, target = scene.settings[0], first_target(scene, kept_plan(state))
+    best, follows = nowhere(query.desired, WHOLE, True), state[TARGET_MODE] != FREE
+    due = GROUPS if any_moves(scene) else GROUPS // 2
+    if follows:
+        best = proposal_near(scene, query, target, math.inf)
+        if best.cost < math.inf:
+            best = at_cost(best, best.cost * (1.0 - s.hysteresis))
+            state[DUE] -= 1.0
+            due = 0 if state[DUE] >= 0.0 else 1
+        elif state[TARGET_MODE] >= NEW_PLAN:
+            due = 1
+    if best.cost == math.inf or due > 0:
+        state[DUE] = math.floor(s.review / (GROUPS * s.dt))
+    # No other start can be significantly cheaper.
+    if best.cost < CHEAP:
+        return best
+    for _ in range(due):
+        group, limit = int(state[GROUP]), best.cost
+        state[GROUP] = (state[GROUP] + 1.0) % GROUPS
+        for member in range(2):
+            start = start_twist(query, group, member)
+            found = proposal_near(scene, query, start, limit)
+            cost = found.cost
+            if follows:
+                cost += s.hysteresis * twist_cost(scene, found.twist, target)
+            # Mirror images cost the same but for rounding: keep the first, to the
+            # right.
+            if cost < best.cost * (1.0 - RELATIVE_ROUNDING):
+                best = at_cost(found, cost)
+    return best
+
+
+@compiled
+def at_cost(found: Proposal, cost: float) -> Proposal:
+    """Return a proposal with another cost."""
+    return Proposal(found.twist, cost, found.about, found.met, found.trust, found.ahead)
+
+
+@compiled_once
+def start_twist(query: Query, group: int, member: int) -> Pair:
+    """Return one of the starts; of a pair the one to the right is first."""
+    box = query.box
+    if group == 1:
+        return query.desired if member == 0 else (0.0, 0.0)
+    v = box.v_max if group == 0 else box.v_min
+    if group == 2:
+        return box.v_min if member == 0 else box.v_max, 0.0
+    return v, box.omega_min if member == 0 else box.omega_max
