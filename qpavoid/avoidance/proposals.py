@@ -344,9 +344,9 @@ UNMOVED = 1e-3
 CHEAP = 1e-3
 """(m/s)²; cost below which no other start is searched."""
 
-GROUPS = 4
-"""Groups of starts: ahead to either side; the desired twist and rest; straight back and
-straight ahead; back to either side. Mirror images are in the same group."""
+GROUPS = 3
+"""Groups of starts: ahead to either side; the desired twist and rest; back to either
+side. Mirror images are in the same group."""
 
 
 class Query(NamedTuple):
@@ -558,13 +558,13 @@ def best_proposal(scene: Scene, query: Query, state: Array) -> Proposal:
 
     The present target is refined in every step. The other starts are searched within
     ``review`` seconds, one group after the other; all at once when its own search fails
-    (half of them if nothing moves: braking suffices); one group per step while there is
+    (two groups if nothing moves: braking suffices); one group per step while there is
     none. The cost is the QP's, reduced by the hysteresis for the present target and
     increased by the cost of the change for others.
     """
     s, target = scene.settings[0], first_target(scene, kept_plan(state))
     best, follows = nowhere(query.desired, WHOLE, True), state[TARGET_MODE] != FREE
-    due = GROUPS if any_moves(scene) else GROUPS // 2
+    due = GROUPS if any_moves(scene) else 2
     if follows:
         best = proposal_near(scene, query, target, math.inf)
         if best.cost < math.inf:
@@ -607,6 +607,4 @@ def start_twist(query: Query, group: int, member: int) -> Pair:
     if group == 1:
         return query.desired if member == 0 else (0.0, 0.0)
     v = box.v_max if group == 0 else box.v_min
-    if group == 2:
-        return box.v_min if member == 0 else box.v_max, 0.0
     return v, box.omega_min if member == 0 else box.omega_max

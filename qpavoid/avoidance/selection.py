@@ -67,7 +67,7 @@ from qpavoid.avoidance.verdict import (
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.types import Array, Box, Pair
 
-SWITCHES = (1.6, 1.1, 0.7, 0.4, 0.2, 0.1)
+SWITCHES = (1.1, 0.5, 0.2)
 """s; times of the switch to the second twist, in whole control steps."""
 
 PLENTY = 0.01
