@@ -32,11 +32,11 @@ MOST_ARROWS = 70
 """Pairs of rooms one of which imports the other; the lowest two floors do not count."""
 
 CEILINGS = {
-    "robot": 20_212,
+    "robot": 20_152,
     "cli": 1_179,
     "lab": 13_999,
-    "comparisons": 6_992,
-    "tests": 25_944,
+    "comparisons": 6_990,
+    "tests": 25_942,
 }
 """Lines of Python; ``cli`` holds all of the package but robot and lab. These numbers
 and those of FOLDERS only fall."""
@@ -56,8 +56,6 @@ returned tuple."""
 
 BORDERS = {
     "avoidance.step.filter_step",  # the call of compiled code: records cost 3 µs there
-    "avoidance.filter.SafetyFilter.filter",
-    "avoidance.filter.SafetyFilter.problem",
 }
 """Functions with more parameters."""
 

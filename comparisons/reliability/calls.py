@@ -136,15 +136,13 @@ def good_call(rng: np.random.Generator) -> Call:
     n = MOST if rng.random() < 0.002 else n
     call: Call = {"v": float(rng.uniform(-1, 2)), "omega": float(rng.uniform(-2, 2))}
     call["points"] = rng.uniform(-size, size, (n, 2))
-    if rng.random() < 0.5:
-        call["discs"] = np.abs(rng.uniform(-size, size, (m, 3))) - [[1.5, 1.5, 0.0]]
-        call["disc_velocities"] = rng.uniform(-1.0, 1.0, (m, 2))
-    if rng.random() < 0.3:
-        call["walls"] = rng.uniform(-size, size, (m, 4))
-    if rng.random() < 0.2:
-        corners = [*rng.uniform(-size, size, 2), [0.0, 0.0], [0.5, 0.0], [0.2, 0.4]]
-        call["polygons"] = [corners]
-        call["polygon_velocities"] = rng.uniform(-1.0, 1.0, (1, 3))
+    if rng.random() < 0.6:
+        discs = np.abs(rng.uniform(-size, size, (m, 3))) - [[1.5, 1.5, 0.0]]
+        velocities = rng.uniform(-1.0, 1.0, (m, 2))
+        walls = rng.uniform(-size, size, (m, 4))
+        corners = np.add([(0, 0), (0.5, 0), (0.2, 0.4)], rng.uniform(-size, size, 2))
+        kinds = discs, velocities, walls, [corners], rng.uniform(-1.0, 1.0, (1, 3))
+        call["obstacles"] = Obstacles(call.pop("points"), *kinds)
     if rng.random() < 0.3:
         call["age"] = float(rng.uniform(0.0, 0.2))
     if rng.random() < 0.2:
@@ -154,7 +152,7 @@ def good_call(rng: np.random.Generator) -> Call:
 
 def spoil(rng: np.random.Generator, call: Call, odd: list[Any]) -> None:
     """Replace one argument of a call by a wrong one."""
-    names = [*call, "age", "driven", "stamps", "polygons", "discs"]
+    names = [*call, "age", "driven", "stamps", "points", "discs"]
     name, how = str(rng.choice(names)), rng.integers(4)
     value = call.get(name)
     if how == 0 and type(value) is np.ndarray and 0 < value.size < 10_000:
@@ -252,13 +250,9 @@ class Tally:
 
 def described(safety: SafetyFilter, call: Call, status: Status) -> str:
     """Return a call in words."""
-    parts = []
-    for name in ("points", "discs", "walls", "polygons"):
-        given = call.get(name)
-        is_array = isinstance(given, np.ndarray) and given.ndim
-        if (is_array or isinstance(given, list)) and len(given):
-            parts.append(f"{len(given)} {name}")
-    return f"{status}: {', '.join(parts) or 'nothing near'}"
+    given = call.get("obstacles", call.get("points"))
+    known = isinstance(given, (list, Obstacles)) or np.ndim(given) > 0
+    return f"{status}: {len(given) if known else 'nothing'} near"
 
 
 def study(solver: str, total: int, seed: int = 0) -> Call:

@@ -91,7 +91,9 @@ def drive(safety: SafetyFilter, rng: np.random.Generator) -> Iterator[Moment]:
             v, omega = _towards(goal, pose)
             yield Moment(v, omega, seen, step)
             echoes, velocities = scan(seen, BEAMS)
-            decision = safety.filter(v, omega, discs=echoes, disc_velocities=velocities)
+            decision = safety.filter(
+                v, omega, Obstacles(discs=echoes, disc_velocities=velocities)
+            )
             if decision.clearance < 0.0:
                 break
             pose = arc(*pose, decision.v, decision.omega, DT)

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.qp.problem import FilterProblem, ScaledProblem
 from qpavoid.qp.solve import exact_twist, required_slack
@@ -115,7 +116,7 @@ def problem_at(safety: SafetyFilter, moment: Moment, rows: int) -> FilterProblem
             return None
         echoes, velocities = scan(moment.seen, beams)
         full = safety.problem(
-            moment.v, moment.omega, discs=echoes, disc_velocities=velocities
+            moment.v, moment.omega, Obstacles(discs=echoes, disc_velocities=velocities)
         )
         found = len(full.b)
         beams = 4 * math.ceil(0.3 * beams * max(rows / max(found, 1), 1.0))

@@ -1,11 +1,11 @@
 """The safety filter: the twist nearest to the desired one that keeps distances."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from copy import deepcopy
 from threading import get_ident
 from time import perf_counter
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,7 +25,9 @@ from qpavoid.avoidance.inputs import (
     as_table,
     as_twist,
     caught,
+    only_points,
     problem_of,
+    seen_of,
     why_invalid,
 )
 from qpavoid.avoidance.plan import UNTIL, Plan, fresh_state, kept_plan, set_driven
@@ -40,10 +42,9 @@ from qpavoid.avoidance.step import (
 from qpavoid.compiled import bound
 from qpavoid.errors import QPAvoidError, ThreadError
 from qpavoid.model.contacts import most_contacts
-from qpavoid.model.given import NO_CAPSULES, NO_DISCS, NO_POINTS, NO_TURNS, NO_WALLS
+from qpavoid.model.given import NO_CAPSULES, NO_POINTS
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import UNLIMITED_TWIST, Robot, braking_twist
-from qpavoid.model.validation import NO_POLYGONS
 from qpavoid.qp.exact import ROW_OWNER, B
 from qpavoid.qp.problem import FilterProblem, SolveStatus
 from qpavoid.qp.solve import BackEnd, load_back_end, solve
@@ -60,8 +61,7 @@ ELSEWHERE = (
 POINTS_AT, V_AT, OMEGA_AT = 3, 7, 8
 """Positions among the parameters of :func:`filter_step`."""
 
-NO_OTHERS = NO_DISCS, NO_POINTS, NO_WALLS, NO_POLYGONS, NO_TURNS
-GIVEN = V_AT, OMEGA_AT, POINTS_AT, *NO_OTHERS, 0.0, None
+GIVEN = V_AT, OMEGA_AT, POINTS_AT, 0.0, None
 """Arguments of the fast call, with their defaults."""
 
 MADE = np.ndarray, Decision, STATUSES, np.zeros((2, 3))
@@ -222,9 +222,6 @@ def as_decision(outcome: tuple[Any, ...], started: float) -> Decision:
     # fmt: on
 
 
-Given: TypeAlias = tuple[Any, ...]
-"""Obstacles, in the order of the parameters."""
-
 HALT = (0.0, 0.0)
 
 
@@ -339,12 +336,9 @@ class SafetyFilter:
         self,
         v: float,
         omega: float,
-        points: npt.ArrayLike | Obstacles = NO_POINTS,
-        discs: npt.ArrayLike = NO_DISCS,
-        disc_velocities: npt.ArrayLike = NO_POINTS,
-        walls: npt.ArrayLike = NO_WALLS,
-        polygons: Sequence[npt.ArrayLike] = NO_POLYGONS,
-        polygon_velocities: npt.ArrayLike = NO_TURNS,
+        obstacles: Obstacles | npt.ArrayLike = NO_POINTS,
+        *,
+        points: npt.ArrayLike = NO_POINTS,
         age: float = 0.0,
         driven: tuple[float, float] | None = None,
     ) -> Decision:
@@ -353,14 +347,8 @@ class SafetyFilter:
         Args:
             v: Desired forward speed, m/s.
             omega: Desired yaw rate, rad/s, counter-clockwise.
-            points: (N, 2) sensed points, m, in the present robot frame; may be empty.
-                Or :class:`Obstacles`, without the other arrays.
-            discs: (M, 3) x, y, radius, m.
-            disc_velocities: (M, 2) velocities over ground in robot axes, m/s; default
-                0.
-            walls: (K, 4) segments x1, y1, x2, y2, m.
-            polygons: Of each its (n, 2) vertices, m, convex and counter-clockwise.
-            polygon_velocities: (P, 3) v_x, v_y, m/s, and rate of turn, rad/s.
+            obstacles: In the present robot frame; or (N, 2) points alone, m.
+            points: The same points by name, without ``obstacles``.
             age: s since the obstacles were measured; inflates them, see
                 :class:`qpavoid.avoidance.settings.Margins`.
             driven: Measured (v, ω), default the filter's last twist; accelerations are
@@ -372,35 +360,24 @@ class SafetyFilter:
                 clearance is negative, and the robot moves away from them or holds.
             ThreadError: Another thread has used the filter since :meth:`reset`.
         """
-        decision = self._engine.quick(
-            v,
-            omega,
-            points,
-            discs,
-            disc_velocities,
-            walls,
-            polygons,
-            polygon_velocities,
-            age,
-            driven,
-        )
+        seen = obstacles if points is NO_POINTS else only_points(obstacles, points)
+        decision = self._engine.quick(v, omega, seen, age, driven)
         if decision is not None:
             return decision
-        given = points, discs, disc_velocities, walls, polygons, polygon_velocities
-        return self._decided(v, omega, given, age, driven)
+        return self._decided(v, omega, seen, age, driven)
 
     def _decided(
-        self, v: float, omega: float, given: Given, age: float, driven: Pair | None
+        self, v: float, omega: float, seen: Any, age: float, driven: Pair | None
     ) -> Decision:
         """Return the decision for any kind of arguments; see :meth:`filter`."""
         started, engine = perf_counter(), self._engine
         engine.bind(get_ident())
         desired, age = as_twist(v, omega), as_age(age)
-        arrays, memory = as_table(*given), engine.state
+        arrays, memory = as_table(seen), engine.state
         state = self._state_at(driven)
         outcome = engine.step(desired, arrays, age, state)
         if outcome[0] == INVALID:
-            raise why_invalid(*given)
+            raise why_invalid(seen)
         if state is not memory:
             memory[:] = state
         return as_decision(outcome, started)
@@ -431,7 +408,7 @@ class SafetyFilter:
             age: s since the obstacles were measured, if stamps do not say more; at most
                 ``points`` of the freshness.
             driven: See :meth:`filter`; braking starts from it, too.
-            named: Obstacles by name. Arrays are stored uncopied until a good step.
+            named: Obstacles by name. Points are stored uncopied until a good step.
         """
         found: Decision | BaseException
         if self._engine.is_elsewhere():
@@ -444,7 +421,7 @@ class SafetyFilter:
             named |= {"age": known, "driven": driven}
             found = caught(self.filter, *given, **named)
         if not isinstance(found, BaseException):
-            self._seen = LastSeen(given, named)
+            self._seen = LastSeen(seen_of(given, named))
             if self._watch.allows(None):
                 return found
             self._engine.state[:] = before
@@ -475,7 +452,7 @@ class SafetyFilter:
             self._watch.allows(QPAvoidError(problem))
             self._has_moved()
             if seen is not None:
-                self._seen = LastSeen((*HALT, seen), {})
+                self._seen = LastSeen(seen)
         return self._stopped(problem, driven)
 
     def acknowledge(self) -> None:
@@ -532,12 +509,9 @@ class SafetyFilter:
         self,
         v: float,
         omega: float,
-        points: npt.ArrayLike | Obstacles = NO_POINTS,
-        discs: npt.ArrayLike = NO_DISCS,
-        disc_velocities: npt.ArrayLike = NO_POINTS,
-        walls: npt.ArrayLike = NO_WALLS,
-        polygons: Sequence[npt.ArrayLike] = NO_POLYGONS,
-        polygon_velocities: npt.ArrayLike = NO_TURNS,
+        obstacles: Obstacles | npt.ArrayLike = NO_POINTS,
+        *,
+        points: npt.ArrayLike = NO_POINTS,
         age: float = 0.0,
         driven: tuple[float, float] | None = None,
     ) -> FilterProblem:
@@ -553,10 +527,10 @@ class SafetyFilter:
         others, in m. An infeasible problem is relaxed with its ``slack_tolerance``:
         pass that of the settings if they have another. The filter's state is unchanged.
         """
-        given = points, discs, disc_velocities, walls, polygons, polygon_velocities
-        arrays, state = as_table(*given), self._state_at(driven).copy()
+        seen = obstacles if points is NO_POINTS else only_points(obstacles, points)
+        arrays, state = as_table(seen), self._state_at(driven).copy()
         desired, age = as_twist(v, omega), as_age(age)
         outcome = self._engine.step_exactly(desired, arrays, age, state)
         if outcome[0] == INVALID:
-            raise why_invalid(*given)
+            raise why_invalid(seen)
         return self._engine.problem(arrays)

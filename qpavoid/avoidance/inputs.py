@@ -20,19 +20,12 @@ from typing import Annotated, Any, NamedTuple, TypeVar
 
 from qpavoid.avoidance.cbf_rows import SPEED_AT_REST
 from qpavoid.errors import InvalidInputError, QPAvoidError
-from qpavoid.model.given import (
-    NO_DISCS,
-    NO_POINTS,
-    NO_TURNS,
-    NO_WALLS,
-    given_obstacles,
-    obstacle_arrays,
-)
+from qpavoid.model.given import NO_CAPSULES, NO_POINTS
 from qpavoid.model.kinematics import integrate
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import RELATIVE_ROUNDING, driven_twist
-from qpavoid.model.validation import NO_POLYGONS, check_finite
-from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, Range, check
+from qpavoid.model.validation import as_rows, check_finite
+from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, Range, check, want
 from qpavoid.types import Array, Arrays, Pose
 
 
@@ -256,21 +249,25 @@ def as_driven(driven: tuple[float, float], robot: Array) -> tuple[float, float]:
     return v, omega
 
 
-def as_table(points: Any, *others: Any) -> Arrays:
+def only_points(obstacles: Any, points: Any) -> Any:
+    """Return points given by name, in place of no obstacles."""
+    want(obstacles is NO_POINTS, "obstacles or points, not both")
+    return points
+
+
+def as_table(seen: Any) -> Arrays:
     """Return a caller's obstacles as points and capsules."""
-    if type(points) is Obstacles:
-        return points.arrays
-    return obstacle_arrays(points, others)
+    if type(seen) is Obstacles:
+        return seen.arrays
+    return as_rows(seen, 2, "points"), NO_CAPSULES
 
 
-def why_invalid(points: Any, *others: Any) -> InvalidInputError:
+def why_invalid(seen: Any) -> InvalidInputError:
     """Return the error for invalid arguments: of an obstacle, else of the twist."""
     try:
-        if isinstance(points, Obstacles):
-            check_finite(points.points, "points")
-            check_finite(points.capsules, "capsules")
-        else:
-            given_obstacles(points, *others).check()
+        points, capsules = as_table(seen)
+        check_finite(points, "points")
+        check_finite(capsules, "capsules")
     except InvalidInputError as error:
         return error
     return InvalidInputError("the desired twist (v, omega) must be finite")
@@ -458,16 +455,14 @@ def _steady(stamps: Stamps) -> float:
 class LastSeen(NamedTuple):
     """Obstacles of a step, and the robot's motion since then.
 
-    The arrays are the caller's, uncopied: later changes count.
+    Points are the caller's, uncopied: later changes count.
 
     Attributes:
-        given: Positional arguments: v, ω and obstacles.
-        named: Keyword arguments.
+        seen: Obstacles, or points.
         pose: x, y (m), γ (rad) of the robot in the robot frame of that step.
     """
 
-    given: tuple[Any, ...]
-    named: Mapping[str, Any]
+    seen: Any
     pose: Pose = (0.0, 0.0, 0.0)
 
     def after(self, v: float, omega: float, dt: float) -> "LastSeen":
@@ -482,19 +477,13 @@ class LastSeen(NamedTuple):
         Raises:
             InvalidInputError: The arrays no longer hold valid obstacles.
         """
-        told = {k: x for k, x in self.named.items() if k in OBSTACLES}
-        told |= dict(zip(OBSTACLES, self.given[2:], strict=False))
-        seen = Obstacles.of(*as_table(*(OBSTACLES | told).values()))
+        seen = Obstacles.of(*as_table(self.seen))
         still = seen.capsules[seen.speeds <= SPEED_AT_REST]
         return Obstacles.of(seen.points, still).seen_from(self.pose).arrays
 
 
-OBSTACLES = {
-    "points": NO_POINTS,
-    "discs": NO_DISCS,
-    "disc_velocities": NO_POINTS,
-    "walls": NO_WALLS,
-    "polygons": NO_POLYGONS,
-    "polygon_velocities": NO_TURNS,
-}
-"""Obstacle arguments of a call, in order, with their defaults."""
+def seen_of(given: tuple[Any, ...], named: Mapping[str, Any]) -> Any:
+    """Return the obstacles among the arguments of a call of the filter."""
+    if len(given) > 2:
+        return given[2]
+    return named.get("points", named.get("obstacles", NO_POINTS))

@@ -15,7 +15,7 @@ from qpavoid.model.validation import (
     as_velocities,
     check_finite,
 )
-from qpavoid.types import Array, Arrays
+from qpavoid.types import Array
 
 NO_POINTS = np.empty((0, 2))
 NO_DISCS = np.empty((0, 3))
@@ -116,26 +116,3 @@ def given_obstacles(
         chains,
         as_velocities(polygon_velocities, len(chains), 3, "polygon_velocities"),
     )
-
-
-def obstacle_arrays(points: npt.ArrayLike, others: tuple[npt.ArrayLike, ...]) -> Arrays:
-    """Return points, uncopied, and the table of capsules.
-
-    ``others``: the next five arguments of :func:`given_obstacles`.
-    """
-    discs, disc_velocities, walls, polygons, polygon_velocities = others
-    if points is not NO_POINTS:
-        points = as_rows(points, 2, "points")
-    if polygons is not NO_POLYGONS or polygon_velocities is not NO_TURNS:
-        given = given_obstacles(points, *others)
-        return given.points, given.table
-    if discs is NO_DISCS and walls is NO_WALLS and disc_velocities is NO_POINTS:
-        return points, NO_CAPSULES
-    discs = as_rows(discs, 3, "discs")
-    moving = as_velocities(disc_velocities, len(discs), 2, "disc_velocities")
-    walls = as_rows(walls, 4, "walls")
-    still = np.zeros((len(walls), 2)) if len(walls) else NO_POINTS
-    capsules = np.empty((len(discs) + len(walls), CAPSULE_WIDTH))
-    rows = (discs, moving, walls, still, NO_POINTS, NO_CHAINS)
-    fill_capsules(len(points), *rows, capsules)
-    return points, capsules

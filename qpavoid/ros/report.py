@@ -11,6 +11,7 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.plan import Plan, places_of
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Footprint, offset_outline
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.perception.perception import Explanation, Perception
 from qpavoid.ros.guard import ORIGIN, Guard, GuardStep
 from qpavoid.types import Array
@@ -161,6 +162,7 @@ def contact_lines(footprint: Footprint, step: GuardStep) -> Array:
 
 def warm(guard: Guard) -> None:
     """Compile all functions that a step calls."""
-    guard.safety.filter(0.0, 0.0, [(9.0, 9.0)], [(9.0, -9.0, 0.1)])
+    seen = Obstacles(points=[(9.0, 9.0)], discs=[(9.0, -9.0, 0.1)])
+    guard.safety.filter(0.0, 0.0, seen)
     Perception(guard.setup.robot).update([9.0] * 9, 0.0, ORIGIN)
     markers(guard, guard.step(0.0, 0.0))

@@ -227,7 +227,7 @@ def test_the_repulsive_bound_knows_no_look_ahead():
     disc, velocity = [[0.0, 0.9, 0.1]], [[0.0, -0.4]]
     one, other = (
         SafetyFilter(ROBOT, settings, ahead=on).filter(
-            0.3, 0.1, discs=disc, disc_velocities=velocity
+            0.3, 0.1, Obstacles(discs=disc, disc_velocities=velocity)
         )
         for on in (False, True)
     )
@@ -257,7 +257,9 @@ def test_a_side_is_kept_although_the_other_becomes_a_little_cheaper(hysteresis, 
         safety, turned = SafetyFilter(ROBOT, settings), []
         for offset in (-0.2, -0.15, -0.1, -0.05, 0.0, *[0.02] * 30):
             disc = [[1.6, side * offset, 0.2]]
-            decision = safety.filter(0.6, 0.0, discs=disc, disc_velocities=[[-0.3, 0]])
+            decision = safety.filter(
+                0.6, 0.0, Obstacles(discs=disc, disc_velocities=[[-0.3, 0]])
+            )
             turned.append(side * decision.omega)
         assert turned[0] > 0.1
         assert (turned[-1] > 0.1) if kept else (turned[-1] < -0.1)

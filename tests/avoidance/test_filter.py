@@ -12,6 +12,7 @@ from qpavoid.avoidance.decision import AT_REST, Decision, Status, blocked_if
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.model.footprint import Footprint
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
 from shapes import ROBOT, SAFETY, scene
 
@@ -39,7 +40,7 @@ def test_without_obstacles_only_the_limits_act(v, omega):
 def test_empty_input_means_no_obstacles(nothing):
     plain = SAFETY.filter(0.6, 0.1)
     assert SAFETY.filter(0.6, 0.1, nothing)[:7] == plain[:7]
-    assert SAFETY.filter(0.6, 0.1, [], [], [], [])[:7] == plain[:7]
+    assert SAFETY.filter(0.6, 0.1, Obstacles())[:7] == plain[:7]
 
 
 def test_the_robot_brakes_before_a_point_ahead_by_hand():
@@ -55,9 +56,9 @@ def test_the_robot_brakes_before_a_point_ahead_by_hand():
 def test_a_parked_robot_steps_aside():
     """An obstacle approaches from behind: it drives on, not to be touched."""
     disc, velocity = [[-0.8, 0.0, 0.1]], [[0.3, 0.0]]
-    decision = SAFETY.filter(0.0, 0.0, discs=disc, disc_velocities=velocity)
+    decision = SAFETY.filter(0.0, 0.0, Obstacles(discs=disc, disc_velocities=velocity))
     assert decision.v > 0.1 and decision.status is Status.FILTERED
-    away = SAFETY.filter(0.0, 0.0, discs=disc, disc_velocities=[[-0.3, 0.0]])
+    away = SAFETY.filter(0.0, 0.0, Obstacles(discs=disc, disc_velocities=[[-0.3, 0.0]]))
     assert away[:3] == (0.0, 0.0, Status.TRACKING)
 
 
@@ -77,7 +78,9 @@ def test_abeam_of_the_axle_nothing_helps_and_that_is_said():
     """The row is null: relaxed, with the whole need as slack, not thrown about."""
     for bearing in (1, -1):
         disc, velocity = [[0.0, bearing * 0.5, 0.1]], [[0.0, -bearing * 0.5]]
-        decision = SAFETY.filter(0.3, 0.1, discs=disc, disc_velocities=velocity)
+        decision = SAFETY.filter(
+            0.3, 0.1, Obstacles(discs=disc, disc_velocities=velocity)
+        )
         assert decision.status is Status.RELAXED
         assert decision.slack == pytest.approx(2 * (0.23 - 0.11) + 0.5)
         assert decision[:2] == pytest.approx((0.3, 0.1))
@@ -88,11 +91,13 @@ def test_active_numbers_points_then_discs_then_walls():
     point, disc = [[0.85, 0.0]], [[0.95, 0.0, 0.1]]
     wall = [[0.9, -2.0, 0.9, 2.0]]
     assert SAFETY.filter(1.0, 0.0, points=[far, *point]).active == (1,)
-    decision = SAFETY.filter(1.0, 0.0, points=[far], discs=[[5, 5, 1], *disc])
-    assert decision.active == (2,)
     decision = SAFETY.filter(
-        1.0, 0.0, [far], [[5, 5, 1]], [[0, 0]], [[9, 9, 9, 8], *wall]
+        1.0, 0.0, Obstacles(points=[far], discs=[[5, 5, 1], *disc])
     )
+    assert decision.active == (2,)
+    walls = [[9, 9, 9, 8], *wall]
+    seen = Obstacles(points=[far], discs=[[5, 5, 1]], walls=walls)
+    decision = SAFETY.filter(1.0, 0.0, seen)
     assert set(decision.active) == {3}
     assert SAFETY.filter(-0.1, 0.0, points=point).active == ()
 
@@ -115,8 +120,10 @@ def test_points_discs_of_no_radius_and_walls_of_no_length_are_the_same(seed, v, 
     points = np.random.default_rng(seed).uniform(-1.5, 1.5, (3, 2))
     assume(min(point_distance(ROBOT.footprint.vertices, p) for p in points) > 1e-3)
     one = SAFETY.filter(v, omega, points)
-    discs = SAFETY.filter(v, omega, discs=np.column_stack([points, np.zeros(3)]))
-    walls = SAFETY.filter(v, omega, walls=np.hstack([points, points]))
+    discs = SAFETY.filter(
+        v, omega, Obstacles(discs=np.column_stack([points, np.zeros(3)]))
+    )
+    walls = SAFETY.filter(v, omega, Obstacles(walls=np.hstack([points, points])))
     assert discs[:6] == one[:6]
     assert walls[:2] == pytest.approx(one[:2], abs=1e-7)
 
@@ -124,8 +131,8 @@ def test_points_discs_of_no_radius_and_walls_of_no_length_are_the_same(seed, v, 
 @given(seeds, speeds, turns)
 def test_filtering_twice_is_filtering_once(seed, v, omega):
     obstacles = scene(np.random.default_rng(seed))
-    once = SAFETY.filter(v, omega, **obstacles)
-    twice = SAFETY.filter(once.v, once.omega, **obstacles)
+    once = SAFETY.filter(v, omega, Obstacles(**obstacles))
+    twice = SAFETY.filter(once.v, once.omega, Obstacles(**obstacles))
     assert twice[:2] == pytest.approx(once[:2], abs=1e-6)
 
 
@@ -141,9 +148,9 @@ def test_weights_choose_between_turning_and_braking():
 
 def test_the_present_alone_needs_no_memory():
     obstacles = {"points": [[0.85, 0.1]]}
-    first = SAFETY.filter(0.8, 0.1, **obstacles)
+    first = SAFETY.filter(0.8, 0.1, Obstacles(**obstacles))
     SAFETY.filter(-1.0, 1.0, points=np.random.default_rng(0).normal(size=(50, 2)))
-    assert SAFETY.filter(0.8, 0.1, **obstacles)[:7] == first[:7]
+    assert SAFETY.filter(0.8, 0.1, Obstacles(**obstacles))[:7] == first[:7]
 
 
 def test_settings_and_robots_are_what_is_used():

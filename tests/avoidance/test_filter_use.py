@@ -70,12 +70,14 @@ def test_driven_beyond_the_limits_counts_as_the_nearest_within(robot, solver, ah
     safety = SafetyFilter(robot, solver=solver, ahead=ahead)
     for great, signs in itertools.product((3.0, *GREAT), ((1, 1), (-1, 0), (0, -1))):
         driven = signs[0] * great, signs[1] * great
-        decision = safety.filter(*rng.uniform(-1, 1, 2), **scene(rng), driven=driven)
+        decision = safety.filter(
+            *rng.uniform(-1, 1, 2), Obstacles(**scene(rng)), driven=driven
+        )
         within(robot, decision)
         assert math.isfinite(decision.v) and math.isfinite(decision.omega)
-        within(robot, safety.filter(0.3, 0.1, **scene(rng)))
+        within(robot, safety.filter(0.3, 0.1, Obstacles(**scene(rng))))
         safety.reset(*driven)
-        within(robot, safety.filter(0.3, 0.1, **scene(rng)))
+        within(robot, safety.filter(0.3, 0.1, Obstacles(**scene(rng))))
 
 
 @pytest.mark.parametrize("ahead", [False, True])
@@ -132,24 +134,6 @@ def test_a_second_thread_is_refused_and_a_reset_hands_over(solver):
     assert again[:7] == other.filter(0.5, 0.1, points)[:7]
 
 
-@aheads
-@solvers
-def test_obstacles_are_taken_in_place_of_arrays(solver, ahead):
-    rng = np.random.default_rng(6)
-    for _ in range(5):
-        arrays = scene(rng)
-        one, other = (SafetyFilter(ROBOT, None, solver, ahead) for _ in range(2))
-        for age in (0.0, 0.1):
-            named = one.filter(0.6, 0.2, **arrays, age=age)
-            assert other.filter(0.6, 0.2, Obstacles(**arrays), age=age)[:7] == named[:7]
-        a, b = (
-            one.problem(0.6, 0.2, **arrays),
-            other.problem(0.6, 0.2, Obstacles(**arrays)),
-        )
-        np.testing.assert_array_equal(a.A, b.A)
-        np.testing.assert_array_equal(a.b, b.b)
-
-
 def test_obstacles_that_are_not_finite_are_named():
     with pytest.raises(InvalidInputError, match=r"points\[0\]"):
         Obstacles(points=[[1.0, math.nan]])
@@ -179,8 +163,8 @@ PLACES = np.array([[0.85, 0.1], [-0.7, 0.3], [0.2, 0.5]])
 def test_inputs_are_never_changed(solver):
     safety, arrays = SafetyFilter(ROBOT, solver=solver), scene(np.random.default_rng(3))
     copies = {name: array.copy() for name, array in arrays.items()}
-    safety.filter(0.8, 0.1, **arrays)
-    safety.problem(0.8, 0.1, **arrays)
+    safety.filter(0.8, 0.1, Obstacles(**arrays))
+    safety.problem(0.8, 0.1, Obstacles(**arrays))
     for law in OURS:
         step = make_controller(law, ROBOT, AvoidanceSettings()).start()
         step(0.8, 0.1, Obstacles(**arrays))
@@ -243,10 +227,7 @@ WRONG = [
     ({"points": [[1e200, 0.0]]}, r"points\[0\]"),
     ({"points": [[1.0], [2.0, 3.0]]}, "points"),
     ({"points": None}, "points"),
-    ({"discs": [[2, 0, 1]], "disc_velocities": [[0, 0]] * 2}, "disc_velocities"),
-    ({"disc_velocities": [[0.0, 0.0]]}, "disc_velocities"),
-    ({"walls": [[1.0, 2.0, math.nan, 0.0]]}, r"walls\[0\]"),
-    ({"discs": [[2.0, 0.0, -0.1]]}, "negative radius"),
+    ({"obstacles": [[2.0, 0.0]]}, "not both"),
 ]
 
 
@@ -255,7 +236,7 @@ def busy_filter(ahead, solver="exact"):
     safety = SafetyFilter(LIMITED, None, solver, ahead)
     for step in range(8):
         disc = [[1.5 - 0.01 * step, 0.1, 0.1]]
-        safety.filter(0.8, 0.1, discs=disc, disc_velocities=[[-0.5, 0.0]])
+        safety.filter(0.8, 0.1, Obstacles(discs=disc, disc_velocities=[[-0.5, 0.0]]))
     return safety
 
 

@@ -45,9 +45,11 @@ def test_margins_act_like_greater_obstacles(ahead, seed):
     wider = error + age * (np.hypot(*velocities.T) + a * age) + 0.5 * a * DT**2
     grown = discs + np.outer(wider, [0, 0, 1])
     assume(distance(grown) > SafetyRadius().r_min(9.0))
-    one = old.filter(0.6, 0.2, discs=discs, disc_velocities=velocities, age=age)
+    one = old.filter(
+        0.6, 0.2, Obstacles(discs=discs, disc_velocities=velocities), age=age
+    )
     other = SafetyFilter(ROBOT, ahead=ahead).filter(
-        0.6, 0.2, discs=grown, disc_velocities=velocities
+        0.6, 0.2, Obstacles(discs=grown, disc_velocities=velocities)
     )
     assert one[:2] == pytest.approx(other[:2], abs=1e-5)
     assert one.status is other.status
@@ -73,7 +75,7 @@ def test_age_widens_points_also_where_they_bar_a_stop(ahead, seed):
     wider = a * age**2 + 0.5 * a * DT**2
     discs = np.column_stack([points, [wider] * 3])
     one = driving(ahead, Margins(0.0, a)).filter(0.8, 0.0, points, age=age)
-    other = driving(ahead).filter(0.8, 0.0, discs=discs)
+    other = driving(ahead).filter(0.8, 0.0, Obstacles(discs=discs))
     assert one[:2] == pytest.approx(other[:2], abs=1e-5)
     assert one.status is other.status
 
@@ -90,7 +92,9 @@ def test_nothing_is_fled_from_for_its_age(ahead, seed, age, a):
     discs = np.column_stack([rng.uniform(-2, 2, (3, 2)), [0.0, 0.1, 0.2]])
     assume(distance(discs) > SafetyRadius().r_min(0.0) + 0.5 * a * DT**2)
     safety = SafetyFilter(ROBOT, AvoidanceSettings(margins=Margins(0, a)), ahead=ahead)
-    told = safety.filter(0.0, 0.0, discs[:1, :2], discs=discs[1:], age=age)
+    told = safety.filter(
+        0.0, 0.0, Obstacles(points=discs[:1, :2], discs=discs[1:]), age=age
+    )
     assert told[:2] == (0.0, 0.0) and told.status in (Status.TRACKING, Status.HOLDING)
 
 
@@ -106,8 +110,8 @@ def test_what_may_be_anywhere_is_braked_for(ahead, seed, age, a):
     safety = driving(ahead, Margins(0.0, a))
     safety.reset(0.8, 0.4)
     for k in range(41):
-        told = safety.filter(0.8, -1.0, [], discs=[[x, y, 0.1]],
-                             disc_velocities=[velocity], age=age)  # fmt: skip
+        seen = Obstacles(discs=[[x, y, 0.1]], disc_velocities=[velocity])
+        told = safety.filter(0.8, -1.0, seen, age=age)
         left = 1.0 - min(k + 1, 40) / 40
         assert told[:2] == pytest.approx((0.8 * left, 0.4 * left), abs=1e-9)
         assert told.status in (Status.BRAKING, Status.HOLDING)
@@ -121,7 +125,7 @@ def test_closing_radius_is_a_smaller_gamma(closing, gamma, speed):
     settings = AvoidanceSettings(radius, gamma=gamma, braking_room=False)
     safety = SafetyFilter(ROBOT, settings, ahead=False)
     disc, velocity = [[0.95, 0.0, 0.05]], [[-speed, 0.0]]
-    problem = safety.problem(1.0, 0.0, discs=disc, disc_velocities=velocity)
+    problem = safety.problem(1.0, 0.0, Obstacles(discs=disc, disc_velocities=velocity))
     room = distance(disc) - radius.r_min(abs(speed))
     rate = gamma / (1.0 + gamma * closing) if room > 0.0 else gamma
     assume(1.0 > rate * room - speed)
@@ -137,7 +141,9 @@ def test_settings_of_the_look_ahead_are_what_is_used():
     for horizon, status in ((3.0, Status.FILTERED), (1.0, Status.TRACKING)):
         ahead = LookAhead(horizon=horizon)
         safety = SafetyFilter(ROBOT, AvoidanceSettings(ahead=ahead))
-        decision = safety.filter(0.0, 0.0, discs=disc, disc_velocities=velocity)
+        decision = safety.filter(
+            0.0, 0.0, Obstacles(discs=disc, disc_velocities=velocity)
+        )
         assert decision.status is status
     point = [[1.4, 0.0]]
     for horizon, status in ((1.5, Status.FILTERED), (0.2, Status.TRACKING)):

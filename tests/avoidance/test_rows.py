@@ -138,7 +138,7 @@ def test_one_row_by_hand():
     disc = [[*(p + (0.3 + 0.25) * n), 0.25]]
     velocity = [-0.4 * n]
     problem = SafetyFilter(Robot.mir100(), ahead=False).problem(
-        0.5, 0.0, discs=disc, disc_velocities=velocity
+        0.5, 0.0, Obstacles(discs=disc, disc_velocities=velocity)
     )
     assert_allclose(problem.A, [[-n[0], n[0] * p[1] - n[1] * p[0]]], atol=1e-12)
     assert_allclose(problem.b, [-2.0 * (0.3 - 0.215) + 0.4], atol=1e-12)

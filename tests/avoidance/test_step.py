@@ -13,6 +13,7 @@ from qpavoid import Limits, Robot, SafetyFilter
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.inputs import PROBLEM, WAITING, Freshness, Stamps
 from qpavoid.errors import InvalidInputError
+from qpavoid.model.obstacles import Obstacles
 
 AHEAD = [[1.2, 0.0]]
 LIMITS = Limits(-0.5, 1.0, -1.5, 1.5, 2.0, 2.5, wheel_speed=1.1, track=0.5)
@@ -51,7 +52,6 @@ WRONG = {
     "three columns": {"v": 0.5, "omega": 0.0, "points": [[1.0, 0.0, 0.0]]},
     "ragged": {"v": 0.5, "omega": 0.0, "points": [[1.0], [1.0, 2.0]]},
     "a radius below 0": {"v": 0.5, "omega": 0.0, "discs": [[1.0, 0.0, -1.0]]},
-    "clockwise": {"v": 0.5, "omega": 0.0, "polygons": [[[1, 0], [1, 1], [2, 0]]]},
     "an age below 0": {"v": 0.5, "omega": 0.0, "age": -1.0},
     "an age of NaN": {"v": 0.5, "omega": 0.0, "age": math.nan},
     "an age that is text": {"v": 0.5, "omega": 0.0, "age": "old"},
@@ -249,11 +249,11 @@ def test_odometry_that_is_stale_is_not_braked_from():
 def test_the_filter_is_told_the_age():
     """An obstacle that may accelerate, measured 0.1 s ago: as ``age`` tells it."""
     disc = {"discs": [[1.0, 0.0, 0.2]], "disc_velocities": [[-0.4, 0.0]]}
-    told = moving().filter(0.8, 0.0, **disc, age=0.1)
+    told = moving().filter(0.8, 0.0, Obstacles(**disc), age=0.1)
     known = Stamps(10.0, discs=9.9, steady=10.0)
-    found = moving().step(0.8, 0.0, **disc, stamps=known)
+    found = moving().step(0.8, 0.0, Obstacles(**disc), stamps=known)
     assert found[:2] == pytest.approx(told[:2], abs=1e-9)
-    assert told[:2] != moving().filter(0.8, 0.0, **disc)[:2]
+    assert told[:2] != moving().filter(0.8, 0.0, Obstacles(**disc))[:2]
 
 
 def test_another_thread_gets_braking_and_changes_nothing():

@@ -11,6 +11,7 @@ import qpavoid as qp
 from driven import driven_to
 from qpavoid.avoidance.inputs import WAITING
 from qpavoid.avoidance.settings import SafetyRadius
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import braking_twist
 
 DT, HALF = 0.05, (0.4, 0.25)
@@ -87,7 +88,7 @@ def test_a_robot_that_waits_stands_and_goes_on_standing():
     assert (waiting.v, waiting.omega) == (0.0, 0.0)
     # At rest it stays, whoever comes.
     near = {"discs": [(0.9, 0.0, 0.2)], "disc_velocities": [(-0.8, 0.0)]}
-    assert safety.step(1.0, 1.0, **near)[:2] == (0.0, 0.0)
+    assert safety.step(1.0, 1.0, Obstacles(**near))[:2] == (0.0, 0.0)
     safety.acknowledge()
     assert safety.step(1.0, 0.0, [(30.0, 0.0)]).v > 0.0
 
@@ -98,7 +99,7 @@ def test_what_moved_is_not_known_any_more():
     for _ in range(40):
         safety.step(1.0, 0.0, [])
     walks = {"discs": [(1.5, 0.0, 0.2)], "disc_velocities": [(-0.5, 0.0)]}
-    last = safety.step(1.0, 0.0, **walks)
+    last = safety.step(1.0, 0.0, Obstacles(**walks))
     stopped = safety.step(1.0, 0.0, None)
     assert stopped.v == pytest.approx(last.v - 0.8 * DT)
 

@@ -14,6 +14,7 @@ from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.kinematics import arc
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import (
     Limits,
     Robot,
@@ -248,7 +249,7 @@ def test_every_answer_of_the_filter_keeps_all_limits(ahead, limits, seed, dt):
     last = inside(limits, *rng.normal(size=2))
     safety.reset(*last)
     for _ in range(4):
-        decision = safety.filter(*(2 * rng.normal(size=2)), **scene(rng))
+        decision = safety.filter(*2 * rng.normal(size=2), Obstacles(**scene(rng)))
         check_limits(limits, last, decision[:2], dt)
         last = decision[:2]
 

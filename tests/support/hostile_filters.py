@@ -16,6 +16,7 @@ from qpavoid import (
 )
 from qpavoid.avoidance.decision import INVALID
 from qpavoid.avoidance.inputs import as_driven
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import braking_twist
 from reliability.calls import CAREFUL, LATE
 from timing.exported import ANSWER, COUNTED, problem_type
@@ -89,13 +90,15 @@ def in_python(robot, settings, ahead, problems):
             decision = safety.filter(
                 float(p["v"]),
                 float(p["omega"]),
-                seen["points"][: n["points"]],
-                seen["discs"][: n["discs"]],
-                seen["disc_velocities"][: n["discs"]],
-                seen["walls"][: n["walls"]],
-                *polygons_of(seen),
-                float(seen["age"]),
-                driven,
+                Obstacles(
+                    seen["points"][: n["points"]],
+                    seen["discs"][: n["discs"]],
+                    seen["disc_velocities"][: n["discs"]],
+                    seen["walls"][: n["walls"]],
+                    *polygons_of(seen),
+                ),
+                age=float(seen["age"]),
+                driven=driven,
             )
         except InvalidInputError:
             last = driven = braking_twist(robot.limit_vector, *last, settings.dt)
