@@ -3,8 +3,6 @@
 import math
 from typing import Any
 
-import numpy as np
-
 from qpavoid.avoidance.inputs import Fault, FaultError
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
@@ -41,7 +39,7 @@ class Sight:
         Raises:
             FaultError: No scan has been new and valid for :data:`LONGEST_BLIND`.
         """
-        none = not isinstance(given, Obstacles) and np.size(given) == 0
+        none = isinstance(given, tuple) and not given
         expected = math.isfinite(self._valid)
         if scan is None and stamp is None and not (none and expected):
             return given if isinstance(given, Obstacles) else Obstacles(given)
