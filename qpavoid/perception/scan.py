@@ -53,6 +53,9 @@ TRIPLE_ALIKE, LEAST_TRIPLES, LOST, TRIPLES_KEPT = 0.3, 300.0, 0.01, 0.998
 which their share of lost echoes counts; the share from which no echo is unknown; share
 of the counts that is kept from scan to scan."""
 
+FAR = 0.5
+"""Share of the greatest range; without an echo beyond it no echo is unknown."""
+
 
 class Sensor(NamedTuple):
     """A LiDAR, as compiled functions take it.
@@ -79,16 +82,20 @@ def judge_no_echo(scan: Array, sensor: Sensor, counts: Array) -> None:
     """Make beams without an echo unknown (NaN) where they cannot be taken for free.
 
     Between two echoes at about one range there is a surface; a beam there without an
-    echo lost it. ``counts`` (2,) are such triples, and those that lost an echo.
+    echo lost it. ``counts`` (2,) are such triples, and those that lost an echo. A scan
+    whose echoes are all near is of a place smaller than the range of the sensor: its
+    beams without an echo met surfaces, too.
     """
-    n = scan.shape[0]
+    n, far = scan.shape[0], False
+    for k in range(n):
+        far = far or FAR * sensor.range_max < scan[k, RANGE] < math.inf
     counts[0], counts[1] = TRIPLES_KEPT * counts[0], TRIPLES_KEPT * counts[1]
     for k in range(1, n - 1):
         left, right = scan[k - 1, RANGE], scan[k + 1, RANGE]
         if left < math.inf and right < math.inf and abs(left - right) < TRIPLE_ALIKE:
             counts[0] += 1.0
             counts[1] += 1.0 if scan[k, RANGE] == math.inf else 0.0
-    trusted = counts[0] >= LEAST_TRIPLES and counts[1] <= LOST * counts[0]
+    trusted = far and counts[0] >= LEAST_TRIPLES and counts[1] <= LOST * counts[0]
     if sensor.no_echo == NO_ECHO_FREE or (sensor.no_echo == 0.0 and trusted):
         return
     for k in range(n):

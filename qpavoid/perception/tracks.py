@@ -315,7 +315,7 @@ def confirm(
     if not opened and moved > LEFT_TRAVEL and t[FAST] >= LEFT_QUICK:
         cell = cells[row_of(cell_of(t[BORN_X]), cell_of(t[BORN_Y]))]
         opened = cell[FREE_COUNT] >= 2.0 and cell[SCORE] < LEFT_SCORE
-    if known and opened and far and speed > SLOW_BODY:
+    if known and opened and far and speed > max(SLOW_BODY, math.sqrt(t[P_VV])):
         t[CONFIRMED] = 1.0
     t[STILL_TIME] = t[STILL_TIME] + now.dt if speed < SLOW_BODY else 0.0
     if t[CONFIRMED] > 0.0 and t[STILL_TIME] > MOST_STILL:

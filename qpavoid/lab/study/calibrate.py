@@ -8,6 +8,7 @@ the covariance is that of sums of scores over blocks of time, a pair in both of 
 blocks [Liang1986]; none is narrower than an unseen thickness of :data:`UNSEEN` allows.
 """
 
+import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,7 +20,7 @@ import numpy as np
 from qpavoid.lab.study.bags import Event, found_topics, read_bag, topic_of
 from qpavoid.lab.study.identify import Estimate
 from qpavoid.perception.scan import CHORD, FLAT, MOST_CHORD
-from qpavoid.perception.settings import Lidar
+from qpavoid.perception.settings import MOUNT, Lidar
 from qpavoid.ros.messages import read_odometry, read_scan, seconds
 from qpavoid.settings import want
 from qpavoid.types import Array
@@ -62,6 +63,7 @@ class Recording(NamedTuple):
         step: Angle between neighbouring beams, rad, > 0.
         limits: Least and greatest range, m.
         poses: (m, 4) time (s), x, y (m), heading (rad, continuous).
+        frame: Of the scans.
     """
 
     stamps: Array
@@ -70,6 +72,7 @@ class Recording(NamedTuple):
     step: float
     limits: tuple[float, float]
     poses: Array
+    frame: str = ""
 
     def pose_at(self, times: Array) -> Array:
         """Return poses (n, 3) at times (n,), linear between those recorded."""
@@ -112,7 +115,8 @@ def scans_of(events: Sequence[Event], topic: str, poses: Array) -> Recording:
     if step < 0.0:
         ranges, first = ranges[:, ::-1], first + step * (len(ranges[0]) - 1)
     limits = one.range_min, one.range_max
-    return Recording(stamps, ranges, first, abs(step), limits, poses)
+    known = stamps, ranges, first, abs(step), limits, poses
+    return Recording(*known, one.header.frame_id)
 
 
 def read_recording(path: Path, scan: str = "", odometry: str = "") -> Recording:
@@ -317,12 +321,25 @@ def _estimates(echoes: Echoes, found: Array, pairs: tuple[Any, ...]) -> Calibrat
     return Calibration(estimates, float(np.median(np.abs(left))))
 
 
-def parameters_of(lidar: Lidar) -> str:
-    """Return a LiDAR as Python and as parameters of the ROS node."""
-    x, y, heading = lidar.mount
-    values = {"mount_x_m": x, "mount_y_m": y, "mount_heading_rad": heading}
-    values |= {"sweep_s": lidar.sweep, "delay_s": lidar.delay}
-    rows = [f"      {key}: {value!r}" for key, value in values.items()]
+def settings_of(recording: Recording, parameters: Sequence[float]) -> str:
+    """Return x, y, yaw, delay and sweep as Python, scenario table and node parameters.
+
+    The node takes the times of beams from the scans.
+    """
+    lidar = recording.lidar(parameters)
+    table = dict(zip(MOUNT, lidar.mount, strict=True))
+    table |= {"sweep_s": lidar.sweep, "delay_s": lidar.delay}
+    x, y, yaw = (round(float(one), 4) for one in parameters[:3])
     return "\n".join(
-        [f"qp.{lidar}", "", "qpavoid:", "  ros__parameters:", "    lidar:", *rows]
+        [
+            f"qp.{lidar}",
+            "",
+            "[lidar]",
+            *(f"{key} = {value!r}" for key, value in table.items()),
+            "",
+            "qpavoid:",
+            "  ros__parameters:",
+            f"    frames: [{json.dumps(recording.frame)}]",
+            f"    frame_poses: {[x, y, 0.0, 0.0, 0.0, yaw]}",
+        ]
     )
