@@ -290,8 +290,7 @@ class Perception:
         """Return the robot's twist: the given one, or that between two poses."""
         if twist is not None:
             v, omega = as_number(twist[0], "v"), as_number(twist[1], "omega")
-            fits = max(abs(v), abs(omega)) <= FASTEST_TWIST
-            want(fits, f"a twist is at most {FASTEST_TWIST:g} m/s, rad/s")
+            want(max(abs(v), abs(omega)) <= FASTEST_TWIST, "the twist is too fast")
             return v, omega
         if self._last is None or not 0.0 < time - self._last[0] <= LONGEST_STEP:
             return 0.0, 0.0

@@ -198,6 +198,18 @@ def test_no_echo_is_free_where_nearly_none_is_lost(meaning, lost):
     assert free == (meaning == "free" or (meaning == "auto" and lost == 0.0))
 
 
+@pytest.mark.parametrize(("reach", "is_free"), [(8.0, True), (30.0, False)])
+def test_no_echo_is_unknown_in_a_place_much_smaller_than_the_range(reach, is_free):
+    perception = qp.Perception(ROBOT, qp.Lidar(range_max=reach))
+    ranges = ray_ranges((0.0, 0.0, 0.0))
+    ranges[:60] = math.inf
+    for k in range(30):
+        perception.update(ranges, 0.1 * k, (0.0, 0.0, 0.0))
+    found = perception.explain()
+    i, j = (np.subtract((-3.0, -1.5), found.origin) / found.resolution).astype(int)
+    assert (found.grid[j, i] >= 0) == is_free
+
+
 def test_a_scan_taken_while_the_robot_turns_is_straightened():
     lidar = qp.Lidar(sweep=0.1)
     sharp, bent = qp.Perception(ROBOT, lidar), qp.Perception(ROBOT)

@@ -95,8 +95,7 @@ def poses_of(events: Sequence[Event], topic: str) -> Array:
     rest = SimpleNamespace(twist=SimpleNamespace(linear=zero, angular=zero))
     found = {}
     for one in (event.message for event in events if event.topic == topic):
-        posed = hasattr(one, "twist")  # else it is a PoseStamped
-        whole = one if posed else SimpleNamespace(pose=one, twist=rest)
+        whole = one if hasattr(one, "twist") else SimpleNamespace(pose=one, twist=rest)
         found[seconds(one.header.stamp)] = read_odometry(whole)[0]
     rows = np.array([(time, *found[time]) for time in sorted(found)]).reshape(-1, 4)
     rows[:, 3] = np.unwrap(rows[:, 3])
@@ -114,9 +113,8 @@ def scans_of(events: Sequence[Event], topic: str, poses: Array) -> Recording:
     first, step = (fan.first, fan.step) if fan else (0.0, 0.0)
     if step < 0.0:
         ranges, first = ranges[:, ::-1], first + step * (len(ranges[0]) - 1)
-    limits = one.range_min, one.range_max
-    known = stamps, ranges, first, abs(step), limits, poses
-    return Recording(*known, one.header.frame_id)
+    known = stamps, ranges, first, abs(step)
+    return Recording(*known, (one.range_min, one.range_max), poses, one.header.frame_id)
 
 
 def read_recording(path: Path, scan: str = "", odometry: str = "") -> Recording:
@@ -255,9 +253,8 @@ def calibrate(recording: Recording, strict: bool = True) -> Calibration:
         InvalidInputError: Too short a recording, too few walls, or such motion.
     """
     least = LEAST_BLOCKS * BLOCK_LENGTH if strict else 0.0
-    short = f"calibrate needs {least:g} s of scans, and poses"
-    long = float(np.ptp(recording.stamps)) > least
-    want(long and len(recording.poses) > 1, short)
+    long = float(np.ptp(recording.stamps)) > least and len(recording.poses) > 1
+    want(long, f"calibrate needs {least:g} s of scans, and poses")
     echoes, random = Echoes(recording), np.random.default_rng(0)
     starts = [_fitted(echoes, one, random, GATES[:2]) for one in _starts(echoes)]
     start = min(starts, key=lambda one: one[1])[0]
@@ -314,32 +311,18 @@ def _estimates(echoes: Echoes, found: Array, pairs: tuple[Any, ...]) -> Calibrat
     inverse = np.linalg.inv(curvature + np.diag((UNSEEN / BOUNDS) ** 2))
     spread = inverse @ (scores.T @ scores) @ inverse / weight.sum() ** 2
     factor = student.ppf(0.975, max(len(scores) - 5, 1))
-    squares = np.maximum(factor**2 * spread, UNSEEN**2 * inverse)
-    width = np.sqrt(squares.diagonal())
+    width = np.sqrt(np.maximum(factor**2 * spread, UNSEEN**2 * inverse).diagonal())
     rows = zip(EXCITED, value, value - width, value + width, strict=True)
     estimates = {name: Estimate(*map(float, one)) for name, *one in rows}
     return Calibration(estimates, float(np.median(np.abs(left))))
 
 
 def settings_of(recording: Recording, parameters: Sequence[float]) -> str:
-    """Return x, y, yaw, delay and sweep as Python, scenario table and node parameters.
-
-    The node takes the times of beams from the scans.
-    """
-    lidar = recording.lidar(parameters)
-    table = dict(zip(MOUNT, lidar.mount, strict=True))
-    table |= {"sweep_s": lidar.sweep, "delay_s": lidar.delay}
-    x, y, yaw = (round(float(one), 4) for one in parameters[:3])
-    return "\n".join(
-        [
-            f"qp.{lidar}",
-            "",
-            "[lidar]",
-            *(f"{key} = {value!r}" for key, value in table.items()),
-            "",
-            "qpavoid:",
-            "  ros__parameters:",
-            f"    frames: [{json.dumps(recording.frame)}]",
-            f"    frame_poses: {[x, y, 0.0, 0.0, 0.0, yaw]}",
-        ]
-    )
+    """Return x, y, yaw, delay, sweep as Python, table of scenarios, node parameters."""
+    lidar, given = recording.lidar(parameters), [round(float(v), 4) for v in parameters]
+    values = *lidar.mount, lidar.sweep, lidar.delay
+    rows = zip((*MOUNT, "sweep_s", "delay_s"), values, strict=True)
+    table = "\n".join(f"{key} = {value!r}" for key, value in rows)
+    pose = [*given[:2], 0.0, 0.0, 0.0, given[2]]
+    node = json.dumps({"frames": [recording.frame], "frame_poses": pose})
+    return f"qp.{lidar}\n\n[lidar]\n{table}\n\nqpavoid:\n  ros__parameters: {node}"
