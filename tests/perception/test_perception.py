@@ -179,13 +179,12 @@ def test_unknown_ranges_free_nothing(value):
     assert (grid >= 0).sum() < 40  # where the robot is
 
 
+@pytest.mark.parametrize("reach", [10.0, 30.0])
 @pytest.mark.parametrize("meaning", ["free", "unknown", "auto"])
 @pytest.mark.parametrize("lost", [0.0, 0.1])
-def test_no_echo_is_free_where_nearly_none_is_lost(meaning, lost):
-    rng, perception = (
-        np.random.default_rng(4),
-        qp.Perception(ROBOT, qp.Lidar(no_echo=meaning)),
-    )
+def test_no_echo_is_free_where_few_are_lost_and_some_are_far(meaning, lost, reach):
+    lidar = qp.Lidar(no_echo=meaning, range_max=reach)
+    rng, perception = np.random.default_rng(4), qp.Perception(ROBOT, lidar)
     for k in range(30):
         ranges = ray_ranges((0.0, 0.0, 0.0))
         ranges[rng.random(BEAMS) < lost] = math.inf
@@ -195,19 +194,7 @@ def test_no_echo_is_free_where_nearly_none_is_lost(meaning, lost):
     place = np.subtract((-3.0, -1.5), explained.origin) / explained.resolution
     i, j = place.astype(int)
     free = explained.grid[j, i] >= 0
-    assert free == (meaning == "free" or (meaning == "auto" and lost == 0.0))
-
-
-@pytest.mark.parametrize(("reach", "is_free"), [(8.0, True), (30.0, False)])
-def test_no_echo_is_unknown_in_a_place_much_smaller_than_the_range(reach, is_free):
-    perception = qp.Perception(ROBOT, qp.Lidar(range_max=reach))
-    ranges = ray_ranges((0.0, 0.0, 0.0))
-    ranges[:60] = math.inf
-    for k in range(30):
-        perception.update(ranges, 0.1 * k, (0.0, 0.0, 0.0))
-    found = perception.explain()
-    i, j = (np.subtract((-3.0, -1.5), found.origin) / found.resolution).astype(int)
-    assert (found.grid[j, i] >= 0) == is_free
+    assert free == (meaning == "free" or (meaning, lost, reach) == ("auto", 0.0, 10.0))
 
 
 def test_a_scan_taken_while_the_robot_turns_is_straightened():
