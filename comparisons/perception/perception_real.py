@@ -57,7 +57,7 @@ AT_REST = {
 
 BUILDING: dict[str, dict[str, Any]] = {
     "default": {},
-    "unknown, 0.02": {"no_echo": "unknown"},
+    "unknown": {"no_echo": "unknown"},
     "unknown, 0.05": {"no_echo": "unknown", "angle_error": 0.05},
     "unknown, 0.12": {"no_echo": "unknown", "angle_error": 0.12},
 }

@@ -132,13 +132,14 @@ def calibrate(options: Namespace) -> None:
     from qpavoid.lab.study.calibrate import (
         EXCITED,
         calibrate,
-        parameters_of,
         read_recording,
+        settings_of,
     )
 
     recording = read_recording(options.bag, options.scan_topic, options.odometry_topic)
     found = calibrate(recording)
-    lidar = recording.lidar([one.value for one in found.estimates.values()])
+    values = [one.value for one in found.estimates.values()]
+    settings = settings_of(recording, values)
     rows = [
         [name, f"{one.value:.4f}", f"{one.low:.4f} … {one.high:.4f}", EXCITED[name][1]]
         for name, one in found.estimates.items()
@@ -146,12 +147,10 @@ def calibrate(options: Namespace) -> None:
 
     def show() -> None:
         show_table(["", "value", "95 %", "unit"], rows)
-        print(
-            f"walls are {found.thickness:.3f} m thick", parameters_of(lidar), sep="\n"
-        )
+        print(f"walls are {found.thickness:.3f} m thick", settings, sep="\n")
 
     fitted = {name: one._asdict() for name, one in found.estimates.items()}
-    more = {"thickness": found.thickness, "settings": parameters_of(lidar)}
+    more = {"thickness": found.thickness, "settings": settings}
     give(options, fitted | more, show)
 
 

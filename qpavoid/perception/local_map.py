@@ -39,7 +39,7 @@ CELL_WIDTH = 11
 FREE_SCANS, FREE_TIME = 3, 0.3
 """A cell is ever-free after so many scans, and s, of being seen through."""
 
-HIT_GAIN, REVOKED, MOST_SCORE = 3.0, 4.0, 6.0
+HIT_GAIN, REVOKED, MOST_SCORE = 3.0, 2.0, 4.0
 """s a second of hits; the score from which a cell is not ever-free, and the most, s."""
 
 MOST_LIVES = 3

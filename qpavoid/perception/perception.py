@@ -77,8 +77,8 @@ POSE_JUMP, FASTEST_POSE = 0.5, 5.0
 """m, and m/s, that odometry does not exceed from scan to scan; else it has jumped, and
 the map is begun anew."""
 
-LONGEST_STEP = 1.0
-"""s; from poses farther apart no twist is taken."""
+LONGEST_STEP, FASTEST_TWIST = 1.0, 100.0
+"""s: from poses farther apart no twist is taken; m/s and rad/s of twists at most."""
 
 MEANING = {"auto": 0.0, "free": NO_ECHO_FREE, "unknown": NO_ECHO_UNKNOWN}
 
@@ -296,14 +296,17 @@ class Perception:
     def _twist(self, time: float, pose: Pose, twist: Twist | None) -> Twist:
         """Return the robot's twist: the given one, or that between two poses."""
         if twist is not None:
-            return as_number(twist[0], "v"), as_number(twist[1], "omega")
+            v, omega = as_number(twist[0], "v"), as_number(twist[1], "omega")
+            want(max(abs(v), abs(omega)) <= FASTEST_TWIST, "the twist is too fast")
+            return v, omega
         if self._last is None or not 0.0 < time - self._last[0] <= LONGEST_STEP:
             return 0.0, 0.0
         dt, (x, y, heading) = time - self._last[0], self._last[1]
         turn = wrap_angle(pose[2] - heading)
         middle = heading + 0.5 * turn
         ahead = (pose[0] - x) * math.cos(middle) + (pose[1] - y) * math.sin(middle)
-        return ahead / dt, turn / dt
+        most = FASTEST_TWIST * dt
+        return min(max(ahead, -most), most) / dt, min(max(turn, -most), most) / dt
 
     def _in_order(self, time: float, sensor: str) -> float:
         """Return the time of a scan, not before that of the last one."""

@@ -48,10 +48,11 @@ MOST_BORDER = 3
 NO_ECHO_FREE, NO_ECHO_UNKNOWN = 1.0, 2.0
 """Meaning of a beam without an echo; 0: it is found out."""
 
-TRIPLE_ALIKE, LEAST_TRIPLES, LOST, TRIPLES_KEPT = 0.3, 300.0, 0.01, 0.998
+TRIPLE_ALIKE, LEAST_TRIPLES, LOST, TRIPLES_KEPT, FAR_ECHO = 0.3, 300.0, 0.01, 0.998, 0.5
 """m by which two neighbours of a lost echo differ at most; number of such triples from
 which their share of lost echoes counts; the share from which no echo is unknown; share
-of the counts that is kept from scan to scan."""
+of the counts that is kept from scan to scan; share of the greatest range beyond which
+a scan has an echo, or else no echo is unknown."""
 
 
 class Sensor(NamedTuple):
@@ -79,16 +80,19 @@ def judge_no_echo(scan: Array, sensor: Sensor, counts: Array) -> None:
     """Make beams without an echo unknown (NaN) where they cannot be taken for free.
 
     Between two echoes at about one range there is a surface; a beam there without an
-    echo lost it. ``counts`` (2,) are such triples, and those that lost an echo.
+    echo lost it. ``counts`` (2,) are such triples, and those that lost an echo. In a
+    place much smaller than the range of the sensor all beams meet a surface.
     """
-    n = scan.shape[0]
+    n, far = scan.shape[0], False
+    for k in range(n):
+        far = far or FAR_ECHO * sensor.range_max < scan[k, RANGE] < math.inf
     counts[0], counts[1] = TRIPLES_KEPT * counts[0], TRIPLES_KEPT * counts[1]
     for k in range(1, n - 1):
         left, right = scan[k - 1, RANGE], scan[k + 1, RANGE]
         if left < math.inf and right < math.inf and abs(left - right) < TRIPLE_ALIKE:
             counts[0] += 1.0
             counts[1] += 1.0 if scan[k, RANGE] == math.inf else 0.0
-    trusted = counts[0] >= LEAST_TRIPLES and counts[1] <= LOST * counts[0]
+    trusted = far and counts[0] >= LEAST_TRIPLES and counts[1] <= LOST * counts[0]
     if sensor.no_echo == NO_ECHO_FREE or (sensor.no_echo == 0.0 and trusted):
         return
     for k in range(n):
@@ -120,12 +124,8 @@ def place_echoes(
         cos, sin = math.cos(heading + turned), math.sin(heading + turned)
         one[COS] = cos * beams[k, BEAM_COS] - sin * beams[k, BEAM_SIN]
         one[SIN] = sin * beams[k, BEAM_COS] + cos * beams[k, BEAM_SIN]
-        one[CLAIMED], one[BEAM_SEGMENT], one[OPEN], one[BEAM_TRACK] = (
-            0.0,
-            -1.0,
-            0.0,
-            -1.0,
-        )
+        one[CLAIMED], one[OPEN] = 0.0, 0.0
+        one[BEAM_SEGMENT], one[BEAM_TRACK] = -1.0, -1.0
         one[AFTER] = beams[k, BEAM_AFTER]
         if one[RANGE] < math.inf:
             one[ECHO_X] = one[FROM_X] + one[RANGE] * one[COS]

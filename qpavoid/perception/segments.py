@@ -207,11 +207,8 @@ def set_segment(
             near, deep = min(near, along), max(deep, along)
     s[ECHO_COUNT], s[OPEN_SHARE] = count, 1.0 if only_open else opened / share
     s[MIDDLE_X], s[MIDDLE_Y], s[AWAY_X], s[AWAY_Y] = x, y, u_x, u_y
-    s[RIGHTMOST], s[LEFTMOST], s[SEGMENT_EXTENT] = (
-        right,
-        left,
-        max(left - right, deep - near),
-    )
+    s[RIGHTMOST], s[LEFTMOST] = right, left
+    s[SEGMENT_EXTENT] = max(left - right, deep - near)
     s[HIDDEN] = is_hidden(view, first, -1) + 2.0 * is_hidden(view, last, 1)
     s[CUT] = 1.0 if is_cut(view, first, -1) or is_cut(view, last, 1) else 0.0
     s[SPACE], s[LATER], s[SEGMENT_TRACK] = far * view.sensor.step, later, -1.0

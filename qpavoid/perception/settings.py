@@ -33,7 +33,8 @@ class Lidar:
         delay: s by which stamps are later than the first beam.
         no_echo: Meaning of a range of ``inf``: ``free``, as REP 117 says; ``unknown``,
             as with a cheap sensor that loses dark and oblique surfaces; ``auto``:
-            unknown until, and unless, nearly no echo is lost between two others.
+            unknown until, and unless, nearly no echo is lost between two others, and
+            in a scan without an echo beyond half of ``range_max``.
         angle_error: rad; σ of a beam's direction in the map, from sensor and pose.
 
     Raises:
@@ -47,7 +48,7 @@ class Lidar:
     sweep: Annotated[float, "s", SHORT] = 0.0
     delay: Annotated[float, "s", SHORT] = 0.0
     no_echo: NoEcho = "auto"
-    angle_error: Annotated[float, "rad", STEEP] = 0.02
+    angle_error: Annotated[float, "rad", STEEP] = 0.025
 
     def __post_init__(self) -> None:
         check(self, "a LiDAR needs")

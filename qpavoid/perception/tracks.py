@@ -112,8 +112,8 @@ PAIR_APART = 0.4
 NEAR_TRACK, DOUBLE, CLAIM = 0.45, 0.25, 0.08
 """m; an echo is near a track; two tracks are one body; around it echoes are its own."""
 
-SLOW_BODY, TRAVEL, QUICK = 0.15, 0.25, 3.0
-"""m/s and m that confirm a track; half that way with so many fast scans in a row."""
+SLOW_BODY, SURE, TRAVEL = 0.15, 1.2, 0.25
+"""m/s, σ of the velocity, and m that a confirmed track exceeds."""
 
 LEAST_SIGHTS, LEAST_SHARE, LEAST_ECHOES = 3.0, 0.3, 1.4
 """Of a confirmed track: scans; share in ever-free space; mean number of echoes."""
@@ -312,12 +312,12 @@ def confirm(
     t[FAST] = t[FAST] + 1.0 if speed > max(2.0 * math.sqrt(t[P_VV]), SLOW_BODY) else 0.0
     moved = math.hypot(t[TRACK_X] - t[BORN_X], t[TRACK_Y] - t[BORN_Y])
     known = t[SIGHTS] >= LEAST_SIGHTS and t[ECHOES] >= LEAST_ECHOES
-    far = moved > TRAVEL or (t[FAST] >= QUICK and moved > 0.5 * TRAVEL)
+    moves = moved > TRAVEL and speed > max(SLOW_BODY, SURE * math.sqrt(t[P_VV]))
     opened = share > LEAST_SHARE
     if not opened and moved > LEFT_TRAVEL and t[FAST] >= LEFT_QUICK:
         cell = cells[row_of(cell_of(t[BORN_X]), cell_of(t[BORN_Y]))]
         opened = cell[FREE_COUNT] >= 2.0 and cell[SCORE] < LEFT_SCORE
-    if known and opened and far and speed > SLOW_BODY:
+    if known and opened and moves:
         t[CONFIRMED] = 1.0
     t[STILL_TIME] = t[STILL_TIME] + now.dt if speed < SLOW_BODY else 0.0
     if t[CONFIRMED] > 0.0 and t[STILL_TIME] > MOST_STILL:

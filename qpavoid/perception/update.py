@@ -431,15 +431,11 @@ def obstacles_at(
         t = memory.tracks[a]
         if t[CONFIRMED] > 0.0:
             ahead = time - state[TIME]
-            d_x, d_y = (
-                t[TRACK_X] + ahead * t[TRACK_V_X] - robot[0],
-                t[TRACK_Y] + ahead * t[TRACK_V_Y] - robot[1],
-            )
+            w_x, w_y = t[TRACK_V_X], t[TRACK_V_Y]
+            d_x = t[TRACK_X] + ahead * w_x - robot[0]
+            d_y = t[TRACK_Y] + ahead * w_y - robot[1]
             x, y = c * d_x + s * d_y, c * d_y - s * d_x
-            v_x, v_y = (
-                c * t[TRACK_V_X] + s * t[TRACK_V_Y],
-                c * t[TRACK_V_Y] - s * t[TRACK_V_X],
-            )
+            v_x, v_y = c * w_x + s * w_y, c * w_y - s * w_x
             body = Rigid(
                 t[COVER], v_x, v_y, 0.0, (x, y), count + discs, math.sqrt(t[P_VV])
             )

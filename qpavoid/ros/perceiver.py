@@ -45,7 +45,7 @@ class NodePerception(PerceptionSettings):
 
     enabled: bool = True
     no_echo: NoEcho = "auto"
-    angle_error: Annotated[float, "rad", STEEP] = 0.02
+    angle_error: Annotated[float, "rad", STEEP] = 0.025
 
 
 class Perceiver:

@@ -309,7 +309,8 @@ def test_a_plan_that_is_not_decided_counts_as_too_near(monkeypatch):
 COUNTED = """
 import math
 import numpy as np
-from qpavoid import AvoidanceSettings, Footprint, Limits, Robot, SafetyFilter
+from qpavoid import AvoidanceSettings, Footprint, Limits, Obstacles, Robot
+from qpavoid import SafetyFilter
 from qpavoid.avoidance import clearance, proposals, selection, step, verdict
 
 made, planned, bodies = [0], [0], [0]
@@ -353,7 +354,9 @@ for limits, passive, given, wish in (
     safety = SafetyFilter(robot, AvoidanceSettings(dt=0.05, passive=passive))
     for _ in range(6):
         made[0] = planned[0] = bodies[0] = 0
-        safety.filter(*wish, **given)
+        driven, seen = given.get("driven"), {**given}
+        seen.pop("driven", None)
+        safety.filter(*wish, Obstacles(**seen), driven=driven)
         print(made[0] / max(bodies[0], 1), planned[0])
 """
 

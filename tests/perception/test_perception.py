@@ -1,6 +1,7 @@
 """Perception against worlds of known obstacles, by a ray caster of its own."""
 
 import math
+import os
 
 import numpy as np
 import pytest
@@ -194,13 +195,12 @@ def test_unknown_ranges_free_nothing(value):
     assert (grid >= 0).sum() < 40  # where the robot is
 
 
+@pytest.mark.parametrize("reach", [10.0, 30.0])
 @pytest.mark.parametrize("meaning", ["free", "unknown", "auto"])
 @pytest.mark.parametrize("lost", [0.0, 0.1])
-def test_no_echo_is_free_where_nearly_none_is_lost(meaning, lost):
-    rng, perception = (
-        np.random.default_rng(4),
-        qp.Perception(ROBOT, qp.Lidar(no_echo=meaning)),
-    )
+def test_no_echo_is_free_where_few_are_lost_and_some_are_far(meaning, lost, reach):
+    lidar = qp.Lidar(no_echo=meaning, range_max=reach)
+    rng, perception = np.random.default_rng(4), qp.Perception(ROBOT, lidar)
     for k in range(30):
         ranges = ray_ranges((0.0, 0.0, 0.0))
         ranges[rng.random(BEAMS) < lost] = math.inf
@@ -210,7 +210,7 @@ def test_no_echo_is_free_where_nearly_none_is_lost(meaning, lost):
     place = np.subtract((-3.0, -1.5), explained.origin) / explained.resolution
     i, j = place.astype(int)
     free = explained.grid[j, i] >= 0
-    assert free == (meaning == "free" or (meaning == "auto" and lost == 0.0))
+    assert free == (meaning == "free" or (meaning, lost, reach) == ("auto", 0.0, 10.0))
 
 
 def test_a_scan_taken_while_the_robot_turns_is_straightened():
@@ -335,24 +335,62 @@ def test_a_lidar_that_cannot_be_is_refused(wrong):
 ODDS = 0.4, 0.3, 0.1, 0.1, 0.04, 0.03, 0.03
 """Of the coordinates of hostile poses."""
 
+RANGES = np.array([0.0, -1.0, 1e-300, 0.1, 3.0, 9.99, 10.0, 1e300, np.inf, np.nan])
+STEPS = [1e-9, 0.05, 0.1, 3.0, 0.0, -0.01, -1e3, 1e9, math.nan, math.inf]
+"""Hostile ranges, m, and times between stamps, s; the first four come more often."""
 
-def test_hostile_updates_raise_the_packages_errors_alone(hostile=3000):
+
+def hostile_update(rng, time):
+    """Return the arguments of an update with random ranges or points, and a pose."""
+    kind, size = rng.integers(6), 90 if rng.random() < 0.95 else rng.integers(400)
+    pose = rng.choice([0.0, 1e-3, 1.0, -2.0, 9e6, 1e12, math.nan], 3, p=ODDS)
+    given = {"sensor": "ab"[int(kind == 1)], "stamp": time, "odometry": pose}
+    if kind == 0:
+        given["ranges"] = rng.choice(RANGES, size)
+    elif kind == 1:
+        given["points"] = rng.choice([*-RANGES, *RANGES], (size, rng.integers(1, 4)))
+    elif kind == 2:
+        given["ranges"] = [None, "far", 1j, [[1.0], [2.0]], object()][rng.integers(5)]
+    elif kind == 3:
+        given["ranges"] = np.repeat(rng.uniform(0.3, 9.0, size // 10), 10)
+    else:
+        given["ranges"] = rng.uniform(0.2, 12.0, size)
+    if rng.random() < 0.1:
+        given["twist"] = rng.choice([0.0, 1.0, -1e300, math.inf, math.nan], 2)
+    return given
+
+
+@pytest.mark.parametrize(
+    "hostile", [3000, pytest.param(1_000_000, marks=pytest.mark.slow)]
+)
+def test_hostile_updates_raise_the_packages_errors_alone(hostile):
     rng = np.random.default_rng(5)
-    perception = qp.Perception(ROBOT, qp.Lidar(no_echo="free"))
-    values = np.array([0.0, -1.0, 1e-300, 0.1, 3.0, 9.99, 10.0, 1e300, np.inf, np.nan])
-    time = 0.0
-    for _ in range(hostile):
-        time += rng.choice([0.0, 1e-9, 0.05, 0.1, 3.0, -0.01, math.nan])
-        time = 0.0 if math.isnan(time) else time
-        pose = rng.choice([0.0, 1e-3, 1.0, -2.0, 9e6, 1e12, math.nan], 3, p=ODDS)
-        kind = rng.integers(3)
-        ranges = rng.choice(values, 90) if kind == 0 else rng.uniform(0.2, 12.0, 90)
-        ranges = np.repeat(rng.uniform(0.3, 9.0, 9), 10) if kind == 2 else ranges
+    lidars = {"a": qp.Lidar(no_echo="free"), "b": qp.Lidar(4.0, sweep=-0.1)}
+    perception, time, sizes, taken = qp.Perception(ROBOT, lidars), 0.0, [], 0
+    for k in range(hostile):
+        if k % (hostile // 10) == 0:
+            sizes.append(resident_bytes())
+        if rng.random() < 0.01:
+            sensor = ["a", "b", "c"][rng.integers(3)]
+            perception.set_lidar(sensor, qp.Lidar(rng.uniform(0.1, 6.0)))
+        if time > 1e8 or rng.random() < 1e-3:
+            perception.reset()
+            time = 0.0
+        step = STEPS[rng.integers(4 if rng.random() < 0.8 else len(STEPS))]
         try:
-            found = perception.update(ranges, time, pose)
+            found = perception.update(**hostile_update(rng, time + step))
         except InvalidInputError:
             continue
+        time, taken = time + step, taken + 1
         assert np.isfinite(found.points).all() and np.isfinite(found.capsules).all()
+    assert taken > 0.3 * hostile
+    assert max(sizes[2:]) - sizes[2] < 4e6
+
+
+def resident_bytes():
+    """Return the size of this process in memory."""
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def test_a_guide_with_scans_lets_a_walker_pass():

@@ -4,7 +4,6 @@ import math
 import os
 import subprocess
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -76,19 +75,6 @@ def test_a_wrong_answer_never_leaves_the_filter(bad, robot, monkeypatch):
         assert decision.clearance == pytest.approx(0.11, abs=0.02)
         assert decision.active == () or ahead
         assert not decision.residual <= 1e-6
-
-
-@misbehaved
-def test_a_robot_with_accelerations_brakes_along_its_arc(bad, robot, monkeypatch):
-    """At 2.0 m/s² and 2.5 rad/s² from (0.8, 0.4): 20 steps, both parts alike."""
-    monkeypatch.setitem(BACK_ENDS, "osqp", BACK_ENDS["osqp"]._replace(load=lambda: bad))
-    limits = replace(robot.limits, acceleration=2.0, angular_acceleration=2.5)
-    safety = SafetyFilter(replace(robot, limits=limits), solver="osqp", ahead=False)
-    safety.reset(0.8, 0.4)
-    for left in range(19, -1, -1):
-        decision = safety.filter(0.8, 0.4, points=[[0.80, 0.05]])
-        assert decision.status in (Status.STOPPED, Status.BRAKING)
-        assert decision[:2] == pytest.approx((0.04 * left, 0.02 * left), abs=1e-12)
 
 
 PASSES_ALL_ON = """

@@ -8,6 +8,7 @@ the covariance is that of sums of scores over blocks of time, a pair in both of 
 blocks [Liang1986]; none is narrower than an unseen thickness of :data:`UNSEEN` allows.
 """
 
+import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,7 +20,7 @@ import numpy as np
 from qpavoid.lab.study.bags import Event, found_topics, read_bag, topic_of
 from qpavoid.lab.study.identify import Estimate
 from qpavoid.perception.scan import CHORD, FLAT, MOST_CHORD
-from qpavoid.perception.settings import Lidar
+from qpavoid.perception.settings import MOUNT, Lidar
 from qpavoid.ros.messages import read_odometry, read_scan, seconds
 from qpavoid.settings import want
 from qpavoid.types import Array
@@ -62,6 +63,7 @@ class Recording(NamedTuple):
         step: Angle between neighbouring beams, rad, > 0.
         limits: Least and greatest range, m.
         poses: (m, 4) time (s), x, y (m), heading (rad, continuous).
+        frame: Of the scans.
     """
 
     stamps: Array
@@ -70,6 +72,7 @@ class Recording(NamedTuple):
     step: float
     limits: tuple[float, float]
     poses: Array
+    frame: str = ""
 
     def pose_at(self, times: Array) -> Array:
         """Return poses (n, 3) at times (n,), linear between those recorded."""
@@ -92,8 +95,7 @@ def poses_of(events: Sequence[Event], topic: str) -> Array:
     rest = SimpleNamespace(twist=SimpleNamespace(linear=zero, angular=zero))
     found = {}
     for one in (event.message for event in events if event.topic == topic):
-        posed = hasattr(one, "twist")  # else it is a PoseStamped
-        whole = one if posed else SimpleNamespace(pose=one, twist=rest)
+        whole = one if hasattr(one, "twist") else SimpleNamespace(pose=one, twist=rest)
         found[seconds(one.header.stamp)] = read_odometry(whole)[0]
     rows = np.array([(time, *found[time]) for time in sorted(found)]).reshape(-1, 4)
     rows[:, 3] = np.unwrap(rows[:, 3])
@@ -111,8 +113,8 @@ def scans_of(events: Sequence[Event], topic: str, poses: Array) -> Recording:
     first, step = (fan.first, fan.step) if fan else (0.0, 0.0)
     if step < 0.0:
         ranges, first = ranges[:, ::-1], first + step * (len(ranges[0]) - 1)
-    limits = one.range_min, one.range_max
-    return Recording(stamps, ranges, first, abs(step), limits, poses)
+    known = stamps, ranges, first, abs(step)
+    return Recording(*known, (one.range_min, one.range_max), poses, one.header.frame_id)
 
 
 def read_recording(path: Path, scan: str = "", odometry: str = "") -> Recording:
@@ -251,9 +253,8 @@ def calibrate(recording: Recording, strict: bool = True) -> Calibration:
         InvalidInputError: Too short a recording, too few walls, or such motion.
     """
     least = LEAST_BLOCKS * BLOCK_LENGTH if strict else 0.0
-    short = f"calibrate needs {least:g} s of scans, and poses"
-    long = float(np.ptp(recording.stamps)) > least
-    want(long and len(recording.poses) > 1, short)
+    long = float(np.ptp(recording.stamps)) > least and len(recording.poses) > 1
+    want(long, f"calibrate needs {least:g} s of scans, and poses")
     echoes, random = Echoes(recording), np.random.default_rng(0)
     starts = [_fitted(echoes, one, random, GATES[:2]) for one in _starts(echoes)]
     start = min(starts, key=lambda one: one[1])[0]
@@ -310,19 +311,18 @@ def _estimates(echoes: Echoes, found: Array, pairs: tuple[Any, ...]) -> Calibrat
     inverse = np.linalg.inv(curvature + np.diag((UNSEEN / BOUNDS) ** 2))
     spread = inverse @ (scores.T @ scores) @ inverse / weight.sum() ** 2
     factor = student.ppf(0.975, max(len(scores) - 5, 1))
-    squares = np.maximum(factor**2 * spread, UNSEEN**2 * inverse)
-    width = np.sqrt(squares.diagonal())
+    width = np.sqrt(np.maximum(factor**2 * spread, UNSEEN**2 * inverse).diagonal())
     rows = zip(EXCITED, value, value - width, value + width, strict=True)
     estimates = {name: Estimate(*map(float, one)) for name, *one in rows}
     return Calibration(estimates, float(np.median(np.abs(left))))
 
 
-def parameters_of(lidar: Lidar) -> str:
-    """Return a LiDAR as Python and as parameters of the ROS node."""
-    x, y, heading = lidar.mount
-    values = {"mount_x_m": x, "mount_y_m": y, "mount_heading_rad": heading}
-    values |= {"sweep_s": lidar.sweep, "delay_s": lidar.delay}
-    rows = [f"      {key}: {value!r}" for key, value in values.items()]
-    return "\n".join(
-        [f"qp.{lidar}", "", "qpavoid:", "  ros__parameters:", "    lidar:", *rows]
-    )
+def settings_of(recording: Recording, parameters: Sequence[float]) -> str:
+    """Return x, y, yaw, delay, sweep as Python, table of scenarios, node parameters."""
+    lidar, given = recording.lidar(parameters), [round(float(v), 4) for v in parameters]
+    values = *lidar.mount, lidar.sweep, lidar.delay
+    rows = zip((*MOUNT, "sweep_s", "delay_s"), values, strict=True)
+    table = "\n".join(f"{key} = {value!r}" for key, value in rows)
+    pose = [*given[:2], 0.0, 0.0, 0.0, given[2]]
+    node = json.dumps({"frames": [recording.frame], "frame_poses": pose})
+    return f"qp.{lidar}\n\n[lidar]\n{table}\n\nqpavoid:\n  ros__parameters: {node}"

@@ -2,17 +2,22 @@
 
 import json
 import math
+import tomllib
 from functools import lru_cache
 
 import numpy as np
 import pytest
 
+import qpavoid as qp
 from qpavoid.cli import main
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.study.bags import BagWriter
 from qpavoid.lab.study.calibrate import EXCITED, Recording, calibrate
 from qpavoid.model.obstacles import Obstacles
+from qpavoid.perception.settings import MOUNT
+from qpavoid.ros.guard import Wiring
+from qpavoid.settings import declared
 
 BEAMS, RATE, START = 120, 8.0, 1.7e9
 BOXES = [(-4, -3, 5, 4), (2.5, 1.5, 3.5, 2.5), (-3, -2, -2, -1.2), (0.5, -2.8, 1.6, -2)]
@@ -96,6 +101,7 @@ def test_a_short_recording_is_refused():
 
 def test_the_command_reads_a_bag_from_left_to_right(tmp_path, capsys):
     pytest.importorskip("rosbags", reason="needs qpavoid[bags]")
+    yaml = pytest.importorskip("yaml")
     made, kinds = (
         recorded(curved),
         ("sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"),
@@ -120,6 +126,15 @@ def test_the_command_reads_a_bag_from_left_to_right(tmp_path, capsys):
     found = json.loads(capsys.readouterr().out)
     for name, value in zip(EXCITED, (0.2, -0.1, 0.3, 0.06, -0.07), strict=True):
         assert found[name]["low"] < value < found[name]["high"], name
-    assert "qp.Lidar(" in found["settings"] and "sweep_s: -0.0" in found["settings"]
+    python, table, node = found["settings"].split("\n\n")
+    lidar = eval(python, {"qp": qp})
+    keys = tomllib.loads(table)["lidar"]
+    made = dict(zip(MOUNT, lidar.mount, strict=True))
+    assert keys == made | {"sweep_s": lidar.sweep, "delay_s": lidar.delay}
+    assert keys.keys() <= {key for one in declared(LidarSettings) for key in one.keys}
+    wiring = Wiring(**yaml.safe_load(node)["qpavoid"]["ros__parameters"])
+    assert wiring.frames == ["laser"] and len(wiring.frame_poses) == 6
+    x, y, *_, yaw = wiring.frame_poses
+    assert (x, y, yaw) == pytest.approx((0.2, -0.1, 0.3), abs=0.02)
     assert main(["calibrate", str(tmp_path / "bag"), "--scan-topic", "/rear"]) == 2
     assert "unknown topic '/rear'" in capsys.readouterr().err
