@@ -32,7 +32,7 @@ MOST_ARROWS = 70
 """Pairs of rooms one of which imports the other; the lowest two floors do not count."""
 
 CEILINGS = {
-    "robot": 20_152,
+    "robot": 20_158,
     "cli": 1_179,
     "lab": 13_999,
     "comparisons": 6_990,

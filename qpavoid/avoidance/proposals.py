@@ -68,6 +68,7 @@ from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.kinematics import TINY, Frame, moved_on
 from qpavoid.model.robot import RELATIVE_ROUNDING, clipped, within_wheels
 from qpavoid.qp.exact import A_OMEGA, A_V, ROW_OWNER, B, Optimum, Terms, solve_exactly
+from qpavoid.qp.solve import RESIDUAL_TOLERANCE
 from qpavoid.types import Array, Box, Pair
 
 ROW_ROOM = 2e-3
@@ -344,6 +345,11 @@ UNMOVED = 1e-3
 CHEAP = 1e-3
 """(m/s)²; cost below which no other start is searched."""
 
+SEPARATION, UNSEPARATED = 1e-3, 100.0
+"""s; factor of the rows of the present in a QP with look-ahead, where other rows are in
+metres: small, so that of conflicting rows these are relaxed. And m/s; cost per
+violation of them."""
+
 GROUPS = 3
 """Groups of starts: ahead to either side; the desired twist and rest; back to either
 side. Mirror images are in the same group."""
@@ -407,6 +413,24 @@ def twist_cost(scene: Scene, one: Pair, other: Pair) -> float:
     """Return (u − u')ᵀ W (u − u') of two twists, (m/s)²."""
     s, d_v, d_omega = scene.settings[0], one[0] - other[0], one[1] - other[1]
     return float(s.weight_v * d_v * d_v + s.weight_omega * d_omega * d_omega)
+
+
+@compiled_once
+def lacking(query: Query, twist: Pair) -> float:
+    """Return the greatest violation of the rows of the present, m/s; 0: by rounding."""
+    rows, least = query.rows, RESIDUAL_TOLERANCE * SEPARATION
+    missing = least
+    for i in range(query.separating if query.ahead else 0):
+        given = rows[i, A_V] * twist[0] + rows[i, A_OMEGA] * twist[1]
+        missing = max(missing, rows[i, B] - given)
+    return missing / SEPARATION if missing > least else 0.0
+
+
+@compiled_once
+def cost_of(scene: Scene, query: Query, twist: Pair) -> float:
+    """Return the cost of a twist, (m/s)²: the QP's, and of rows that it violates."""
+    cost = twist_cost(scene, twist, query.desired)
+    return cost + UNSEPARATED * lacking(query, twist)
 
 
 @compiled_once
@@ -500,7 +524,7 @@ def solved(scene: Scene, query: Query, problem: Proposal, count: int) -> Proposa
     found = solution(query, with_limits(scene, query, problem, count))
     twist, cost = snapped(query, (found.v, found.omega)), math.inf
     if found.found:
-        cost = twist_cost(scene, twist, query.desired)
+        cost = cost_of(scene, query, twist)
     _, _, about, met, trust, ahead = problem
     return Proposal(twist, cost, about, met, trust, ahead)
 
@@ -521,7 +545,7 @@ def proposal_near(scene: Scene, query: Query, start: Pair, limit: float) -> Prop
         rollout = driven_on(scene, query, trial.twist)
         met, trust = violation(scene, rollout, where), WHOLE
         where = met.body
-        cost = twist_cost(scene, trial.twist, query.desired)
+        cost = cost_of(scene, query, trial.twist)
         if met.body < 0:
             halved, gains = 0, cost <= GAIN * best.cost
             if cost < best.cost:

@@ -3,11 +3,11 @@
 1. the command, with the separating rows;
 2. the QP's proposals (:mod:`qpavoid.avoidance.proposals`);
 3. the rest of the last plan;
-4. plans of two twists, searched where no constant twist is clear.
+4. plans of two twists, among moving obstacles.
 
-If none is clear, the plan with the largest margin: of braking along the arc, the rest
-of the last plan, and the best one of two twists. Only plans that are clear of static
-bodies are compared with braking, unless braking is not.
+If none is clear, the plan with the largest margin, first of static bodies, then of
+moving ones: of braking along the arc, the rest of the last plan, and the best one of
+two twists.
 """
 
 import math
@@ -45,6 +45,7 @@ from qpavoid.avoidance.proposals import (
     Proposal,
     Query,
     best_proposal,
+    cost_of,
     driven_on,
     nowhere,
     solved,
@@ -363,16 +364,17 @@ def fallback(scene: Scene, query: Query, state: Array, owner: int) -> Choice:
 def better_of(scene: Scene, choice: Choice, other: Choice) -> Choice:
     """Return the other one of two choices if it is better.
 
-    It has to be clear of static bodies; and of all bodies, or have the larger margin.
+    With the larger margin of static bodies; if that is equal, clear of moving ones, or
+    with the larger margin.
     """
     level, twist, least = (
         threshold(scene),
         first_twist(scene, other.plan),
         other.margins,
     )
-    if least.static < level or not is_followed(scene, twist):
+    if least.static < choice.margins.static or not is_followed(scene, twist):
         return choice
-    better = choice.margins.static < level or least.moving >= level
+    better = least.static > choice.margins.static or least.moving >= level
     # ALIKE: else rounding would make it switch back and forth.
     better = better or least.moving > choice.margins.moving + ALIKE
     return other if better and may_move(scene, twist, least.moving) else choice
@@ -387,8 +389,8 @@ def is_dearer(scene: Scene, query: Query, best: Proposal, state: Array) -> bool:
     s = scene.settings[0]
     if state[TARGET_MODE] == FREE or state[UNTIL] < s.horizon - s.review:
         return False
-    present = twist_cost(scene, first_target(scene, kept_plan(state)), query.desired)
-    cost = twist_cost(scene, best.twist, query.desired)
+    present = cost_of(scene, query, first_target(scene, kept_plan(state)))
+    cost = cost_of(scene, query, best.twist)
     limit = (1.0 + s.hysteresis) * present + CHEAP
     return bool(best.cost == math.inf or cost > limit)
 

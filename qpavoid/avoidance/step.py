@@ -58,10 +58,12 @@ from qpavoid.avoidance.plan import (
     pending_pace,
 )
 from qpavoid.avoidance.proposals import (
+    SEPARATION,
     SIDE,
     Problem,
     Query,
     Tables,
+    lacking,
     most_sides,
     qp_of,
     snapped,
@@ -86,7 +88,6 @@ from qpavoid.model.robot import (
     twist_box,
 )
 from qpavoid.qp.exact import (
-    A_OMEGA,
     A_V,
     ROW_OWNER,
     ROW_WIDTH,
@@ -243,10 +244,6 @@ WORKSPACE_TOO_SMALL = -2
 NO_ANSWER = (math.inf, math.inf)
 """Absent answer of a back end."""
 
-SEPARATION = 1e-3
-"""s; factor of the rows of the present in a QP with look-ahead, where other rows are in
-metres. Small: of conflicting rows these are relaxed."""
-
 
 class Outcome(NamedTuple):
     """Result of a control step.
@@ -386,7 +383,7 @@ def driven(
         choice = answered_by(scene, query, choice, twist)
     twist, slack = first_twist(scene, choice.plan), 0.0
     if proposed and not failed:
-        slack = separation_missing(query, twist) if query.ahead else found.slack
+        slack = lacking(query, twist) if query.ahead else found.slack
     level, least = threshold(scene), choice.margins
     code = STOPPED if failed else code_of(scene, query, choice, twist, slack)
     margin = least.moving
@@ -415,17 +412,6 @@ def answered_by(scene: Scene, query: Query, choice: Choice, twist: Pair) -> Choi
         return choice
     _, mode, until, least, proposal, owner = choice
     return Choice(plan, mode, until, least, proposal, owner)
-
-
-@compiled_once
-def separation_missing(query: Query, twist: Pair) -> float:
-    """Return the greatest violation of the rows of the present, m/s; 0: by rounding."""
-    rows, least = query.rows, RESIDUAL_TOLERANCE * SEPARATION
-    missing = least
-    for i in range(query.separating):
-        given = rows[i, A_V] * twist[0] + rows[i, A_OMEGA] * twist[1]
-        missing = max(missing, rows[i, B] - given)
-    return missing / SEPARATION if missing > least else 0.0
 
 
 @compiled_once

@@ -64,7 +64,7 @@ from qpavoid.types import Array
     SIGHTS,  # scans in which it was seen
     FAST,  # scans in a row in which its speed exceeded its uncertainty
     CONFIRMED,  # 1: it is a moving obstacle
-    SIZE,  # m, greatest width, which decays
+    SIZE,  # m, greatest width
     STILL_TIME,  # s, for how long it has been slower than SLOW_BODY
     PASSED,  # scans in a row that saw through it
     NAME,  # number of the track
@@ -128,9 +128,6 @@ field of view; s at rest after which a confirmed track becomes points."""
 
 PASSES, MOST_PASSED = 0.4, 3.0
 """m by which a beam passes a track; scans in a row after which it is dropped."""
-
-SIZE_TIME = 10.0
-"""s in which a width that is no longer seen decays to 37 %."""
 
 
 @compiled
