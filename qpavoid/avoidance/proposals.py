@@ -538,18 +538,18 @@ def proposal_near(scene: Scene, query: Query, start: Pair, limit: float) -> Prop
     solution in a trust region of width 0. A start whose cost exceeds ``limit`` is
     abandoned.
     """
-    trial = nowhere(within_wheels(scene.robot, start), POINT, True)
-    best, about, where, halved, count = trial, trial, -1, 0, 0
+    best = nowhere(within_wheels(scene.robot, start), POINT, True)
+    trial = at_cost(best, cost_of(scene, query, best.twist))
+    about, where, halved, count = best, -1, 0, 0
     tries = PATIENT if limit == math.inf else HOPELESS
     for iteration in range(ITERATIONS):
         rollout = driven_on(scene, query, trial.twist)
         met, trust = violation(scene, rollout, where), WHOLE
         where = met.body
-        cost = cost_of(scene, query, trial.twist)
         if met.body < 0:
-            halved, gains = 0, cost <= GAIN * best.cost
-            if cost < best.cost:
-                best = at_cost(trial, cost)
+            halved, gains = 0, trial.cost <= GAIN * best.cost
+            if trial.cost < best.cost:
+                best = trial
             if not gains:
                 break
         elif best.cost < math.inf:
@@ -560,11 +560,11 @@ def proposal_near(scene: Scene, query: Query, start: Pair, limit: float) -> Prop
         elif iteration >= tries:
             break
         if halved == 0:
-            about = Proposal(trial.twist, cost, trial.twist, met, WHOLE, True)
+            about = Proposal(trial.twist, trial.cost, trial.twist, met, WHOLE, True)
             count = query.separating + linearised_rows(
                 scene, rollout, met, query.tables, query.rows[query.separating :]
             )
-        qp = Proposal(about.twist, cost, about.twist, about.met, trust, True)
+        qp = Proposal(about.twist, about.cost, about.twist, about.met, trust, True)
         found = solved(scene, query, qp, count)
         d_v, d_omega = found.twist[0] - trial.twist[0], found.twist[1] - trial.twist[1]
         unmoved = met.body < 0 and abs(d_v) + abs(d_omega) < UNMOVED

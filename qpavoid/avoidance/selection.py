@@ -367,14 +367,11 @@ def better_of(scene: Scene, choice: Choice, other: Choice) -> Choice:
     With the larger margin of static bodies; if that is equal, clear of moving ones, or
     with the larger margin.
     """
-    level, twist, least = (
-        threshold(scene),
-        first_twist(scene, other.plan),
-        other.margins,
-    )
+    twist, least = first_twist(scene, other.plan), other.margins
     if least.static < choice.margins.static or not is_followed(scene, twist):
         return choice
-    better = least.static > choice.margins.static or least.moving >= level
+    better = least.static > choice.margins.static
+    better = better or least.moving >= threshold(scene)
     # ALIKE: else rounding would make it switch back and forth.
     better = better or least.moving > choice.margins.moving + ALIKE
     return other if better and may_move(scene, twist, least.moving) else choice

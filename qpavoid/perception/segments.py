@@ -209,8 +209,10 @@ def set_segment(
     s[MIDDLE_X], s[MIDDLE_Y], s[AWAY_X], s[AWAY_Y] = x, y, u_x, u_y
     s[RIGHTMOST], s[LEFTMOST] = right, left
     s[SEGMENT_EXTENT] = max(left - right, deep - near)
-    s[HIDDEN] = is_hidden(view, first, -1) + 2.0 * is_hidden(view, last, 1)
-    s[CUT] = 1.0 if is_cut(view, first, -1) or is_cut(view, last, 1) else 0.0
+    starts, ends = is_cut(view, first, -1), is_cut(view, last, 1)
+    s[CUT] = 1.0 if starts or ends else 0.0
+    s[HIDDEN] = 1.0 if starts else is_hidden(view, first, -1)
+    s[HIDDEN] += 2.0 if ends else 2.0 * is_hidden(view, last, 1)
     s[SPACE], s[LATER], s[SEGMENT_TRACK] = far * view.sensor.step, later, -1.0
 
 
@@ -221,19 +223,19 @@ def is_cut(view: View, place: int, side: int) -> bool:
     Near the ends of the view no space is ever-free.
     """
     end = place
+    if view.sensor.round > 0.0:
+        return False
     while 0 <= end + side < view.echoes and not is_break(
         view, min(end, end + side), max(end, end + side)
     ):
         end += side
     beam = beam_at(view, end) + side * HIDING_BEAMS
-    return view.sensor.round == 0.0 and not 0 <= beam < view.scan.shape[0]
+    return not 0 <= beam < view.scan.shape[0]
 
 
 @compiled
 def is_hidden(view: View, place: int, side: int) -> float:
-    """Return 1 where a surface is cut by the view, or the next echo there is nearer."""
-    if is_cut(view, place, side):
-        return 1.0
+    """Return 1 where the next echo is nearer."""
     here, beam = beam_at(view, place), beam_at(view, place + side)
     close = abs(beam - here) <= HIDING_BEAMS
     nearer = view.scan[beam, RANGE] < view.scan[here, RANGE] - HIDES
