@@ -1,5 +1,6 @@
 """Shared types, without behaviour."""
 
+from collections.abc import Iterable
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -44,6 +45,37 @@ class Record(NamedTuple):
     name: str
     dtype: np.dtype[Any]
     written: bool = False
+
+
+Table: TypeAlias = npt.NDArray[np.void]
+"""Array of records: rows of a :func:`layout`."""
+
+Row: TypeAlias = Any
+"""Row of a table, that is written through: a view with the fields of its layout."""
+
+LAYOUTS: dict[np.dtype[Any], type] = {}
+"""Named tuples by the layout of their tables."""
+
+
+def record_type(fields: Iterable[tuple[str, Any]]) -> np.dtype[Any]:
+    """Return the type of records with such fields, laid out as a struct of C.
+
+    Python reads a field as an attribute, as compiled code does.
+    """
+    return np.dtype((np.record, np.dtype(list(fields), align=True)))
+
+
+def layout(of: type) -> np.dtype[Any]:
+    """Return the memory layout of a named tuple of numbers: that of a struct of C.
+
+    A table of such records takes a named tuple for a row; a row that is read is a view
+    with the same fields.
+    """
+    kinds = {float: np.float64, int: np.intc}
+    made = record_type((name, kinds[of]) for name, of in of.__annotations__.items())
+    if LAYOUTS.setdefault(made, of) is not of:
+        raise ValueError(f"{of.__name__} and {LAYOUTS[made].__name__} have one layout")
+    return made
 
 
 Vector: TypeAlias = Annotated[Array, Buffer(1)]

@@ -38,12 +38,9 @@ import math
 from typing import NamedTuple
 
 from qpavoid.avoidance.bodies import (
-    BODY_GROUP,
-    BODY_OWNER,
     MOVES,
     Body,
     Scene,
-    body_at,
     comes_first,
     is_point,
     moves,
@@ -53,7 +50,6 @@ from qpavoid.avoidance.bodies import (
 from qpavoid.avoidance.plan import (
     Arc,
     Rollout,
-    arc_at,
     arc_index,
     braking_share,
     frame_at,
@@ -160,7 +156,7 @@ def stays_away(
         end: End of the check, s.
         level: Threshold, m.
     """
-    body = body_at(scene, i)
+    body = scene.bodies[i]
     # Squares, without a root: most bodies are rejected here. With far < 0 the threshold
     # cannot be violated.
     far = limits_of(scene.robot).circumradius + body.spread + level
@@ -281,8 +277,8 @@ REFINEMENTS = 6
 @compiled_once
 def room_at(scene: Scene, rollout: Rollout, i: int, time: float) -> float:
     """Return the margin of body i at a time, m."""
-    body = body_at(scene, i)
-    arc = arc_at(rollout.arcs, arc_index(rollout.arcs, 0, time))
+    body = scene.bodies[i]
+    arc = rollout.arcs[arc_index(rollout.arcs, 0, time)]
     ends = ends_at(body, time, frame_at(arc, time, scene.longest))
     distance = line_contact(scene.edges, body, ends).distance
     return float(distance - body.keep - growth_of(scene, body) * time)
@@ -303,12 +299,12 @@ def too_near(
         slack: False only if the margin is at least level − slack, m, at all times.
     """
     arcs, dt, (time, end) = rollout.arcs, scene.longest, span
-    body, count, row = body_at(scene, i), arcs.shape[0], 0
+    body, count, row = scene.bodies[i], arcs.shape[0], 0
     growth, passing = growth_of(scene, body), passing_speed(scene, rollout, body)
     pace = closing_speed(scene, rollout, body)
     for _ in range(LOOKS + count):
         row = arc_index(arcs, row, time)
-        arc = arc_at(arcs, row)
+        arc = arcs[row]
         at = frame_at(arc, time, dt)
         # A distance of two circles costs one root, a contact all edges.
         spare = circle_room(scene, body, time, at) - growth * time - level
@@ -325,7 +321,7 @@ def too_near(
             if row + 1 < count:
                 # The bound holds for this arc's twist; the next one is sampled at its
                 # start.
-                wait = min(wait, arc_at(arcs, row + 1).begin - time)
+                wait = min(wait, arcs[row + 1].begin - time)
             if pace > 0.0:
                 # The bound by the greatest speed [Mirtich1996] holds across arcs, and
                 # may be the longer one.
@@ -354,13 +350,13 @@ def least_room(
         enough: Upper bound of the result, m.
     """
     arcs, dt, (time, end) = rollout.arcs, scene.longest, span
-    body, least, when, row = body_at(scene, i), enough, -1.0, 0
+    body, least, when, row = scene.bodies[i], enough, -1.0, 0
     passing = passing_speed(scene, rollout, body)
     pace = closing_speed(scene, rollout, body)
     step = max(STEP, (end - time) / LOOKS)
     for _ in range(LOOKS + 1):
         row = arc_index(arcs, row, time)
-        at = frame_at(arc_at(arcs, row), time, dt)
+        at = frame_at(arcs[row], time, dt)
         growth = growth_of(scene, body) * time
         room, speed = circle_room(scene, body, time, at) - growth, passing
         if room < least + AFAR:
@@ -426,13 +422,13 @@ def next_body(scene: Scene, rollout: Rollout, i: int, watch: Watch) -> int:
     """
     count: int = scene.bodies.shape[0]
     while i < count:
-        row, wanted = int(scene.bodies[i, BODY_GROUP]), watch.still
+        row, wanted = scene.bodies[i].group, watch.still
         if moves(scene, i):
             wanted = watch.moving
         end, level = wanted
         # The owner of a group is the row after its last point.
         if row >= 0 and (end < 0.0 or is_far(scene, rollout, row, wanted)):
-            i = int(scene.groups[row, BODY_OWNER])
+            i = scene.groups[row].owner
         elif end < 0.0 or stays_away(scene, rollout, i, end, level):
             i += 1
         else:
@@ -459,7 +455,7 @@ def is_met(
 
     A static body inside r_min may stay as near: else it could not be left.
     """
-    (end, level), now = watch.still, body_at(scene, i).now
+    (end, level), now = watch.still, scene.bodies[i].now
     if moves(scene, i):
         end, level = watch.moving
     if now < level:

@@ -25,7 +25,6 @@ from qpavoid.avoidance.bodies import (
     Body,
     Scene,
     any_moves,
-    body_at,
     comes_first,
     moves,
     tolerance,
@@ -53,15 +52,12 @@ from qpavoid.avoidance.plan import (
     Arc,
     Rollout,
     Slopes,
-    arc_at,
     arc_index,
     braking_place,
     frame_at,
     hold,
     kept_plan,
     roll_out,
-    set_slopes,
-    slopes_of,
 )
 from qpavoid.avoidance.verdict import first_target
 from qpavoid.compiled import compiled, compiled_once, entry
@@ -69,7 +65,7 @@ from qpavoid.model.kinematics import TINY, Frame, moved_on
 from qpavoid.model.robot import RELATIVE_ROUNDING, clipped, within_wheels
 from qpavoid.qp.exact import A_OMEGA, A_V, ROW_OWNER, B, Optimum, Terms, solve_exactly
 from qpavoid.qp.solve import RESIDUAL_TOLERANCE
-from qpavoid.types import Array, Box, Pair
+from qpavoid.types import Array, Box, Pair, Table, layout
 
 ROW_ROOM = 2e-3
 """m; added to r_min in the linearised rows, so that the true distance keeps r_min."""
@@ -106,22 +102,24 @@ class Side(NamedTuple):
     n_y: float
     room: float
     time: float
-    body: float
+    body: int
 
 
-SIDE, ROOM_OF = len(Side._fields), Side._fields.index("room")
+SIDE, FRAME = layout(Side), layout(Frame)
+SIDE_SIZE, FRAME_SIZE = SIDE.itemsize // 8, FRAME.itemsize // 8
+"""Layouts of the tables of sides and of frames, and numbers of memory per row."""
 
 
 class Tables(NamedTuple):
     """Memory of the look-ahead.
 
     Attributes:
-        sides: (:func:`most_sides`, :data:`SIDE`).
-        frames: (ticks + 1, 4) predicted robot frames: x, y (m), cosine, sine.
+        sides: (:func:`most_sides`,) of :class:`Side`.
+        frames: (ticks + 1,) predicted robot frames.
     """
 
-    sides: Array
-    frames: Array
+    sides: Table
+    frames: Table
 
 
 @entry
@@ -143,24 +141,9 @@ def sector(n_x: float, n_y: float) -> int:
     return 3 if n_y > 0.0 else 5
 
 
-@compiled
-def side_at(sides: Array, row: int) -> Side:
-    """Return a row of the table as a record."""
-    s = sides[row]
-    return Side(s[0], s[1], s[2], s[3], s[4], s[5], s[6])
-
-
-@compiled
-def set_side(sides: Array, row: int, side: Side) -> None:
-    """Write a row of the table."""
-    s = sides[row]
-    s[0], s[1], s[2], s[3] = side.x, side.y, side.n_x, side.n_y
-    s[4], s[5], s[6] = side.room, side.time, side.body
-
-
 @compiled_once
 def note_contact(
-    scene: Scene, i: int, body: Body, time: float, at: Frame, sides: Array
+    scene: Scene, i: int, body: Body, time: float, at: Frame, sides: Table
 ) -> float:
     """Store the contact with a body at a time, if it gets a row; return its margin.
 
@@ -181,26 +164,25 @@ def note_contact(
         # Ticks 1 to STRIDE share slot 0, the next ones slot 1, independent of rounding.
         slot = max(math.ceil(time / tick - SAME_TIME) - 1, 0) // STRIDE
         row = slot * OCTANTS + sector(contact.n_x, contact.n_y)
-        side = side_at(sides, row)
+        side = sides[row]
         # Of equal margins the first body's: independent of the order of input.
         if room < side.room or (
-            room == side.room and comes_first(scene.bodies, i, int(side.body))
+            room == side.room and comes_first(scene.bodies, i, side.body)
         ):
             p_x, p_y, n_x, n_y = contact.x, contact.y, contact.n_x, contact.n_y
-            set_side(sides, row, Side(p_x, p_y, n_x, n_y, room, time, i))
+            sides[row] = Side(p_x, p_y, n_x, n_y, room, time, i)
     return float(room)
 
 
 @compiled_once
-def frame_then(scene: Scene, rollout: Rollout, k: int, frames: Array) -> Frame:
+def frame_then(scene: Scene, rollout: Rollout, k: int, frames: Table) -> Frame:
     """Return the robot's frame at a tick, cached in a table."""
-    f, s = frames[k], scene.settings[0]
+    s = scene.settings[0]
     # An impossible cosine marks a row that is not filled in for this rollout.
-    if f[2] > 1.0:
-        arc = arc_at(rollout.arcs, arc_index(rollout.arcs, 0, s.tick * k))
-        at = frame_at(arc, s.tick * k, s.dt)
-        f[0], f[1], f[2], f[3] = at.x, at.y, at.cos, at.sin
-    return Frame(f[0], f[1], f[2], f[3])
+    if frames[k].cos > 1.0:
+        arc = rollout.arcs[arc_index(rollout.arcs, 0, s.tick * k)]
+        frames[k] = frame_at(arc, s.tick * k, s.dt)
+    return Frame(frames[k].x, frames[k].y, frames[k].cos, frames[k].sin)
 
 
 @compiled_once
@@ -215,13 +197,13 @@ def nearest_sides(scene: Scene, rollout: Rollout, tables: Tables) -> None:
     s, sides = scene.settings[0], tables.sides
     for row in range(sides.shape[0]):
         # Empty: no smaller margin yet.
-        sides[row, ROOM_OF] = ROW_WITHIN
+        sides[row].room = ROW_WITHIN
     for k in range(tables.frames.shape[0]):
-        tables.frames[k, 2] = math.inf
+        tables.frames[k].cos = math.inf
     watch = Watch((s.horizon, ROW_WITHIN), (s.horizon_still, ROW_WITHIN))
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
-        body, end = body_at(scene, i), s.horizon if moves(scene, i) else s.horizon_still
+        body, end = scene.bodies[i], s.horizon if moves(scene, i) else s.horizon_still
         last, k = round(end / s.tick), 1
         pace = s.tick * closing_speed(scene, rollout, body) + TINY
         passing = s.tick * passing_speed(scene, rollout, body) + TINY
@@ -251,23 +233,23 @@ def bend_by_turning(v: float, omega: float, time: float) -> Pair:
 
 
 @compiled_once
-def slopes_at(arc: Arc, begin: Slopes, time: float, dt: float) -> Slopes:
+def slopes_at(arc: Arc, time: float, dt: float) -> Slopes:
     """Return the slopes at a time on an arc from those at its start.
 
     With p the position on the arc, s_v and s_ω the derivatives of its twist by the
     target: ∂p/∂v = s_v p/v; a turn of the arc's frame rotates p, and ω bends it.
     """
-    place, turn = braking_place(time - arc.begin, arc.steps, dt), begin.turn
+    place, turn = braking_place(time - arc.begin, arc.steps, dt), arc.turn
     one = moved_on(Frame(0.0, 0.0, 1.0, 0.0), 1.0, arc.omega, place)
     b_x, b_y = bend_by_turning(arc.v, arc.omega, place)
     # Bending by ω on this arc, and rotation of its chord with the initial heading.
     l_x = arc.share_omega * b_x - turn * arc.v * one.y
     l_y = arc.share_omega * b_y + turn * arc.v * one.x
     return Slopes(
-        begin.x_v + arc.share_v * (arc.cos * one.x - arc.sin * one.y),
-        begin.y_v + arc.share_v * (arc.sin * one.x + arc.cos * one.y),
-        begin.x_omega + arc.cos * l_x - arc.sin * l_y,
-        begin.y_omega + arc.sin * l_x + arc.cos * l_y,
+        arc.x_v + arc.share_v * (arc.cos * one.x - arc.sin * one.y),
+        arc.y_v + arc.share_v * (arc.sin * one.x + arc.cos * one.y),
+        arc.x_omega + arc.cos * l_x - arc.sin * l_y,
+        arc.y_omega + arc.sin * l_x + arc.cos * l_y,
         turn + arc.share_omega * place,
     )
 
@@ -275,12 +257,12 @@ def slopes_at(arc: Arc, begin: Slopes, time: float, dt: float) -> Slopes:
 @compiled_once
 def fill_slopes(rollout: Rollout, dt: float) -> None:
     """Fill in the slopes at the start of every arc."""
-    arcs, slopes = rollout.arcs, Slopes(0.0, 0.0, 0.0, 0.0, 0.0)
-    set_slopes(arcs, 0, slopes)
+    arcs = rollout.arcs
     for row in range(1, arcs.shape[0]):
-        begin = arc_at(arcs, row).begin
-        slopes = slopes_at(arc_at(arcs, row - 1), slopes, begin, dt)
-        set_slopes(arcs, row, slopes)
+        slopes = slopes_at(arcs[row - 1], arcs[row].begin, dt)
+        arcs[row].x_v, arcs[row].y_v = slopes.x_v, slopes.y_v
+        arcs[row].x_omega, arcs[row].y_omega = slopes.x_omega, slopes.y_omega
+        arcs[row].turn = slopes.turn
 
 
 @compiled_once
@@ -296,20 +278,19 @@ def linearised_rows(
     sides, about = tables.sides, rollout.target
     nearest_sides(scene, rollout, tables)
     if met.body >= 0:
-        arc = arc_at(rollout.arcs, arc_index(rollout.arcs, 0, met.time))
+        arc = rollout.arcs[arc_index(rollout.arcs, 0, met.time)]
         at = frame_at(arc, met.time, scene.settings[0].dt)
-        body = body_at(scene, met.body)
+        body = scene.bodies[met.body]
         note_contact(scene, met.body, body, met.time, at, sides)
     fill_slopes(rollout, scene.settings[0].dt)
     arcs, dt, count = rollout.arcs, scene.settings[0].dt, 0
     for i in range(sides.shape[0]):
-        side = side_at(sides, i)
+        side = sides[i]
         if side.room >= ROW_WITHIN:
             continue
-        k = arc_index(arcs, 0, side.time)
-        arc, n_x, n_y = arc_at(arcs, k), side.n_x, side.n_y
-        at = frame_at(arc, side.time, dt)
-        slopes = slopes_at(arc, slopes_of(arcs, k), side.time, dt)
+        arc = arcs[arc_index(arcs, 0, side.time)]
+        n_x, n_y = side.n_x, side.n_y
+        at, slopes = frame_at(arc, side.time, dt), slopes_at(arc, side.time, dt)
         # d shrinks as P_r moves along t, the outward normal: ∇d = −tᵀ ∂P_r/∂u.
         t_x, t_y = at.cos * n_x - at.sin * n_y, at.sin * n_x + at.cos * n_y
         a_v = -t_x * slopes.x_v - t_y * slopes.y_v
@@ -318,7 +299,7 @@ def linearised_rows(
         a_omega = a_omega - t_x * slopes.x_omega - t_y * slopes.y_omega
         rows[count, A_V], rows[count, A_OMEGA] = a_v, a_omega
         rows[count, B] = a_v * about[0] + a_omega * about[1] + ROW_ROOM - side.room
-        rows[count, ROW_OWNER] = body_at(scene, int(side.body)).owner
+        rows[count, ROW_OWNER] = scene.bodies[side.body].owner
         count += 1
     return count
 

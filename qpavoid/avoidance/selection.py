@@ -13,7 +13,7 @@ two twists.
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.bodies import Scene, any_moves, body_at, moves, threshold
+from qpavoid.avoidance.bodies import Scene, any_moves, moves, threshold
 from qpavoid.avoidance.clearance import (
     UNWATCHED,
     Watch,
@@ -290,7 +290,7 @@ def select(scene: Scene, query: Query, state: Array) -> Choice:
         plan = clear_plan(scene, command.twist)
         if plan.end > 0.0:
             return clear_choice(scene, plan, FREE, command, -1)
-    owner = int(body_at(scene, body).owner) if body >= 0 else -1
+    owner = scene.bodies[body].owner if body >= 0 else -1
     best = best_proposal(scene, query, state)
     # Hysteresis: switching at every small gain would stall the robot.
     dearer = is_dearer(scene, query, best, state)

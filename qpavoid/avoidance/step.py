@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.bodies import (
     BODY,
+    BODY_SIZE,
     FEW,
     Request,
     Scene,
@@ -41,6 +42,7 @@ from qpavoid.avoidance.decision import (
 )
 from qpavoid.avoidance.plan import (
     ARC,
+    ARC_SIZE,
     END,
     NEW_PLAN,
     PAST_OMEGA,
@@ -58,8 +60,11 @@ from qpavoid.avoidance.plan import (
     pending_pace,
 )
 from qpavoid.avoidance.proposals import (
+    FRAME,
+    FRAME_SIZE,
     SEPARATION,
     SIDE,
+    SIDE_SIZE,
     Problem,
     Query,
     Tables,
@@ -107,6 +112,7 @@ from qpavoid.types import (
     LimitVector,
     Pair,
     Points,
+    Table,
     VectorWritten,
 )
 
@@ -128,9 +134,9 @@ class Workspace(NamedTuple):
 
     contacts: Array
     rows: Array
-    bodies: Array
-    groups: Array
-    arcs: Array
+    bodies: Table
+    groups: Table
+    arcs: Table
     tables: Tables
     points: Array
     capsules: Array
@@ -172,9 +178,9 @@ def memory_size(contacts: int, settings: FilterSettings) -> int:
     # of the solver. A float: an int of C could overflow.
     sides, many = most_sides(look_ticks(settings)), float(contacts)
     rows = many + sides + 8
-    tables = (many + contacts // FEW) * BODY
-    tables += most_arcs(settings) * ARC + sides * SIDE
-    tables += 4 * (look_ticks(settings) + 1)
+    tables = (many + contacts // FEW) * BODY_SIZE
+    tables += most_arcs(settings) * ARC_SIZE + sides * SIDE_SIZE
+    tables += (look_ticks(settings) + 1) * FRAME_SIZE
     each = CONTACT_WIDTH + 2 + CAPSULE_WIDTH
     return int(many * each + rows * ROW_WIDTH + tables + PROBLEM_SIZE)
 
@@ -185,22 +191,21 @@ def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Works
     sides, arcs = most_sides(look_ticks(settings)), most_arcs(settings)
     a = contacts * CONTACT_WIDTH
     b = a + (contacts + sides + 8) * ROW_WIDTH
-    d = b + contacts * BODY
-    e = d + contacts // FEW * BODY
-    f = e + arcs * ARC
-    g = f + sides * SIDE
+    d = b + contacts * BODY_SIZE
+    e = d + contacts // FEW * BODY_SIZE
+    f = e + arcs * ARC_SIZE
+    g = f + sides * SIDE_SIZE
     h = g + 2 * contacts
     i = h + CAPSULE_WIDTH * contacts
-    ticks = look_ticks(settings) + 1
-    frames = memory[i : i + 4 * ticks].reshape(ticks, 4)
-    end = i + 4 * ticks
+    end = i + (look_ticks(settings) + 1) * FRAME_SIZE
+    tables = Tables(memory[f:g].view(SIDE), memory[i:end].view(FRAME))
     return Workspace(
         memory[:a].reshape(contacts, CONTACT_WIDTH),
         memory[a:b].reshape(contacts + sides + 8, ROW_WIDTH),
-        memory[b:d].reshape(contacts, BODY),
-        memory[d:e].reshape(contacts // FEW, BODY),
-        memory[e:f].reshape(arcs, ARC),
-        Tables(memory[f:g].reshape(sides, SIDE), frames),
+        memory[b:d].view(BODY),
+        memory[d:e].view(BODY),
+        memory[e:f].view(ARC),
+        tables,
         memory[g:h].reshape(contacts, 2),
         memory[h:i].reshape(contacts, CAPSULE_WIDTH),
         memory[end : end + PROBLEM_SIZE],

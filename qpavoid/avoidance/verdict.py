@@ -51,7 +51,6 @@ from typing import NamedTuple
 from qpavoid.avoidance.bodies import (
     REPLAY_ROUNDING,
     Scene,
-    body_at,
     drifting,
     moves,
     threshold,
@@ -243,9 +242,9 @@ def leaves_contacts(scene: Scene, twist: Pair) -> bool:
     s = scene.settings[0]
     rollout = exact_rollout(scene, hold(twist[0], twist[1], s.dt))
     for i in range(scene.bodies.shape[0]):
-        body = body_at(scene, i)
+        body = scene.bodies[i]
         touched = body.keep - tolerance(scene) < body.inflation
-        # keep_at_most has removed all of r_min: the surfaces are in contact.
+        # cap_now has removed all of r_min: the surfaces are in contact.
         if not moves(scene, i) and touched:
             span = (s.dt, max(rollout.rest, s.dt))
             level = CONTACT_ROUNDING - tolerance(scene)
@@ -264,7 +263,7 @@ def rests_in_time(scene: Scene, twist: Pair) -> bool:
     rollout = exact_rollout(scene, hold(twist[0], twist[1], scene.settings[0].dt))
     for i in range(scene.bodies.shape[0]):
         if moves(scene, i) and rollout.rest > 0.0:
-            body = body_at(scene, i)
+            body = scene.bodies[i]
             level = body.inflation - body.keep
             near, _ = too_near(scene, rollout, i, (0.0, rollout.rest), level, 0.0)
             if near:

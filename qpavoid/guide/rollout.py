@@ -19,7 +19,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.bodies import Scene, body_at
+from qpavoid.avoidance.bodies import Scene
 from qpavoid.avoidance.clearance import ends_at, line_contact
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.guide.steering import (
@@ -102,7 +102,7 @@ def room_at_pose(scene: Scene, at: Frame, time: float, enough: float) -> Pair:
     least, radius = enough, limits_of(scene.robot).circumradius
     surest = enough
     for i in range(scene.bodies.shape[0]):
-        body = body_at(scene, i)
+        body = scene.bodies[i]
         d_x, d_y = body.x + time * body.v_x - at.x, body.y + time * body.v_y - at.y
         spread = min(body.sigma * time, MOST_SPREAD)
         far = radius + body.spread + max(least, surest + spread)

@@ -54,7 +54,7 @@ def room_now(scene, trace, body, time):
     """The room of a body at a time."""
     k = min(int(time / DT + 1e-9), len(trace) - 1)
     pose = driven_to(tuple(trace[k, :3]), *trace[k, 3:], time - k * DT)
-    grown = table.Body(*body).growth * time
+    grown = body.growth * time
     return gap_at(scene.corners, pose, line_of(body), time) - grown
 
 
@@ -135,8 +135,8 @@ def test_the_least_room_is_the_least_of_dense_looks(robot, seed):
         for enough in (NEVER, true + 0.05, true - 0.05):
             room, when = judged.room(i, (0.0, HORIZON), enough)
             if true < enough:
-                missed = 0.5 * STEP * (pace + table.Body(*judged.bodies[i]).speed)
-                gap = true + table.Body(*judged.bodies[i]).keep
+                missed = 0.5 * STEP * (pace + judged.bodies[i].speed)
+                gap = true + judged.bodies[i].keep
                 assert room >= true - (1e-6 if gap > 0.0 else 1e-4)
                 assert room <= true + missed + 1e-7
                 assert room == pytest.approx(judged.at(i, when), abs=1e-7)
@@ -154,7 +154,7 @@ def test_what_creeps_grows(seed):
     world = Obstacles(discs=discs, disc_velocities=velocities)
     plan = hold(*rng.uniform(BOX[::2], BOX[1::2]), 0.5)
     judged = Judged(ROBOT, world, plan, (0.3, 0.2), horizon=0.0)
-    assert all(table.Body(*row).kind == table.CREEPS for row in judged.bodies)
+    assert (judged.bodies["kind"] == table.CREEPS).all()
     for i in range(len(judged.bodies)):
         end = judged.rollout.rest
         true = min(judged.at(i, t) for t in np.linspace(0.0, end, 400))
@@ -167,8 +167,7 @@ def test_what_grows_far_away_is_too_near_in_the_end():
     """The robot stands; only what is to be kept grows, at 0.1 m/s."""
     world, still = Obstacles(discs=[(0.9, 0.1, 0.1)]), hold(0.0, 0.0, 0.5)
     judged = Judged(ROBOT, world, still, (0.0, 0.0), horizon=0.0)
-    body = table.Body(*judged.bodies[0])._replace(x=2.0, growth=0.1)
-    judged.bodies[0] = body
+    judged.bodies[0].x, judged.bodies[0].growth = 2.0, 0.1
     room = gap_at(judged.corners, (0.0, 0.0, 0.0), line_of(judged.bodies[0]), 0.0)
     for level in (0.0, 0.3, 1.0):
         when = (room - level) / 0.1
@@ -192,10 +191,8 @@ def looks(monkeypatch):
 
     def count(function, judged, i, span, *level):
         made.clear()
-        settings = judged.scene.settings.view(np.recarray)
-        scene = judged.scene._replace(settings=settings)
-        given = judged.rollout, i, span, *level
-        assert function.py_func(scene, *given) == function(judged.scene, *given)
+        given = judged.scene, judged.rollout, i, span, *level
+        assert function.py_func(*given) == function(*given)
         return len(made)
 
     return count
@@ -296,11 +293,9 @@ def test_a_search_for_many_looks_finds_few(looks):
 def test_a_plan_that_is_not_decided_counts_as_too_near(monkeypatch):
     """No looks left, and nothing found: not clear, rather than clear."""
     judged = Judged(ROBOT, NEAR, Plan(0.3, 0.5, 1.0, -0.3, 0.2, 3.0), (0.3, 0.5))
-    i = [table.Body(*row).kind for row in judged.bodies].index(table.MOVES)
-    settings = judged.scene.settings.view(np.recarray)
-    scene = judged.scene._replace(settings=settings)
+    i = judged.bodies["kind"].tolist().index(table.MOVES)
     level = judged.room(i, (0.0, HORIZON), NEVER)[0] - 0.01
-    known = scene, judged.rollout, i, (0.0, HORIZON), level, 0.0
+    known = judged.scene, judged.rollout, i, (0.0, HORIZON), level, 0.0
     assert not too_near.py_func(*known)[0]
     monkeypatch.setattr(clearance, "LOOKS", 1 - len(judged.rollout.arcs))
     assert too_near.py_func(*known)[0]
@@ -316,8 +311,6 @@ from qpavoid.avoidance import clearance, proposals, selection, step, verdict
 made, planned, bodies = [0], [0], [0]
 contact, roll_out = clearance.line_contact, verdict.roll_out
 reach = step.bodies_in_reach
-record = AvoidanceSettings.record
-AvoidanceSettings.record = lambda self: record(self).view(np.recarray)
 
 def counted(*given):
     made[0] += 1

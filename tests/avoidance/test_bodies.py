@@ -13,7 +13,15 @@ from qpavoid.avoidance import plan as memory
 from qpavoid.avoidance.cbf_rows import R_MIN_TOLERANCE
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import stopping_time
-from rollouts import HORIZON, SETTINGS, every_robot, line_of, scene_of, seeds
+from rollouts import (
+    HORIZON,
+    SETTINGS,
+    every_robot,
+    geometry,
+    line_of,
+    scene_of,
+    seeds,
+)
 from shapes import ROBOT
 
 EVERYTHING = Obstacles(
@@ -66,7 +74,7 @@ def test_the_order_of_what_is_given_decides_nothing():
             polygons=[np.roll(EVERYTHING.polygons[0], seed, axis=0)],
             polygon_velocities=[(0.1, 0.0, 0.5)],
         )
-        found = np.delete(scene_of(ROBOT, world).bodies, table.BODY_OWNER, axis=1)
+        found = geometry(scene_of(ROBOT, world).bodies)
         count = len(found) - 4  # points come first, as they are given
         tables.append(np.vstack([sorted(found[:count].tolist()), found[count:]]))
     for found in tables[1:]:

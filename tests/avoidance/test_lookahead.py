@@ -38,8 +38,7 @@ DT, MANY = SETTINGS.dt, max(1, round(SETTINGS.ahead.tick / SETTINGS.dt))
 def tables():
     ticks = look_ticks(SETTINGS.record())
     sides = lin.most_sides(ticks)
-    sizes = ((sides, lin.SIDE), (ticks + 1, 4))
-    tables = Tables(*(np.full(size, np.nan) for size in sizes))
+    tables = Tables(np.zeros(sides, lin.SIDE), np.zeros(ticks + 1, lin.FRAME))
     return tables, np.full((sides + 8, 9), np.nan)
 
 
@@ -48,7 +47,7 @@ def driven_on(scene, twist, many=MANY):
 
 
 def horizon(body):
-    return HORIZON if table.Body(*body).kind == table.MOVES else STILL
+    return HORIZON if body.kind == table.MOVES else STILL
 
 
 def room(scene, rollout, body, time, corners):
@@ -57,12 +56,12 @@ def room(scene, rollout, body, time, corners):
 
 def least(scene, body):
     """Least sufficient margin: −ε for static obstacles, −ε/2 for moving ones."""
-    return (0.5 if table.Body(*body).kind == table.MOVES else 1.0) * threshold(scene)
+    return (0.5 if body.kind == table.MOVES else 1.0) * threshold(scene)
 
 
 def granted(body):
     """Relaxation of the row of a body that is already inside its required distance."""
-    return max(lin.ROW_ROOM - table.Body(*body).now, 0.0)
+    return max(lin.ROW_ROOM - body.now, 0.0)
 
 
 @robots
@@ -74,26 +73,25 @@ def test_rows_are_the_gradients_of_the_true_rooms(robot, seed, v, omega):
     (made, rows), about = tables(), (v, omega)
     rollout = driven_on(scene, about)
     count = lin.linearised_rows(scene, rollout, NOBODY_MET, made, rows)
-    sides = [lin.Side(*side) for side in made.sides]
-    used = [side for side in sides if side.room < lin.ROW_WITHIN]
+    used = [side for side in made.sides if side.room < lin.ROW_WITHIN]
     assert count == len(used)
     around = [(v - h, omega), (v + h, omega), (v, omega - h), (v, omega + h)]
     shifted = [driven_on(scene, twist) for twist in around]
     for side, row in zip(used, rows[:count], strict=True):
         time, spare = side.time, side.room
-        owner = table.Body(*scene.bodies[int(side.body)]).owner
+        owner = scene.bodies[side.body].owner
         assert row[3] == owner
         right = row[:2] @ about + lin.ROW_ROOM - spare
         assert row[2] == pytest.approx(right, abs=1e-9)
         own = [
             body
             for body in scene.bodies
-            if table.Body(*body).owner == owner
+            if body.owner == owner
             and abs(room(scene, rollout, body, time, corners) + granted(body) - spare)
             < 1e-9
         ]
         assert own or spare < 0.0
-        if not own or spare + table.Body(*own[0]).keep < 0.05:
+        if not own or spare + own[0].keep < 0.05:
             continue
         extra = granted(own[0])
         rooms = [room(scene, one, own[0], time, corners) + extra for one in shifted]
@@ -111,7 +109,7 @@ def test_who_stays_too_near_gets_a_row(robot, seed, v, omega):
     scene = scene_of(robot, mixed(rng), rng.uniform([-0.5, -1], [0.5, 1]))
     (made, _), rollout = tables(), driven_on(scene, (v, omega))
     lin.nearest_sides(scene, rollout, made)
-    spares, tick = made.sides[:, lin.Side._fields.index("room")], SETTINGS.ahead.tick
+    spares, tick = made.sides["room"], SETTINGS.ahead.tick
     for body in scene.bodies:
         ticks = range(1, round(horizon(body) / tick) + 1)
         rooms = [room(scene, rollout, body, k * tick, corners) for k in ticks]

@@ -142,7 +142,7 @@ const Pilot = (() => {
         kernel.free(this.memory);
         this.memory = kernel.vector(2 * size);
       }
-      if (this.stage) this.bodies = this.table("bodies", most, this.sizes.body);
+      if (this.stage) this.bodies = this.table("bodies", most * this.sizes.body, 1);
     }
 
     /** The twist that tracking and guide desire, and whether there is no way. */
