@@ -66,11 +66,6 @@ def outline(footprint: Footprint, spacing: float = OUTLINE_SPACING) -> Array:
     return np.vstack([edge, 0.5 * (edge[::5] + middle)])
 
 
-def inner_radius(footprint: Footprint) -> float:
-    """Return the least distance, m, of the footprint's edges from the axle's middle."""
-    return float((footprint.edges[:, :2] * footprint.edges[:, 2:4]).sum(axis=1).min())
-
-
 @compiled
 def grid_size(half: float) -> int:
     """Return the number of nodes per side of a grid over [−half, half]²."""

@@ -186,9 +186,7 @@ class Perception:
             isinstance(self.settings, PerceptionSettings),
             "settings must be PerceptionSettings",
         )
-        edges = robot.footprint.edges
-        inner = float((edges[:, :2] * edges[:, 2:4]).sum(axis=1).min())
-        s = self.settings
+        inner, s = robot.footprint.inner_radius, self.settings
         self.model = Model(
             max(inner, 0.0), s.radius, s.acceleration, s.memory, s.memory_way
         )

@@ -43,7 +43,9 @@ def within(footprint: Footprint, points: Array, margin: float) -> Flags:
     """Return which points (N, 2), m, lie in a footprint offset by a margin, m."""
     edges = footprint.edges
     reach = (edges[:, :2] * edges[:, 2:4]).sum(axis=1) + margin
-    return np.asarray((points @ edges[:, 2:4].T <= reach).all(axis=1))
+    beyond = points @ edges[:, 2:4].T > reach
+    starts = np.cumsum([0, *map(len, footprint.parts[:-1])])
+    return np.asarray(~np.logical_or.reduceat(beyond, starts, axis=1).all(axis=1))
 
 
 class OwnPlaces:
@@ -104,14 +106,25 @@ def unknown_sectors(fan: Fan, place: Transform, boxes: Array, least: float) -> F
     return np.roll(turned, known[0]) if closed else turned
 
 
-def border(fan: Fan, beams: Flags, place: Transform, edges: Array) -> Array:
-    """Return the points (m, 2) where beams (n,) leave a footprint with these edges."""
+def border(fan: Fan, beams: Flags, place: Transform, footprint: Footprint) -> Array:
+    """Return the points (m, 2) where beams (n,) leave a footprint for good."""
     start, ways = _rays(fan, place)
+    edges, starts = footprint.edges, np.cumsum([0, *map(len, footprint.parts[:-1])])
     along = ways[beams] @ edges[:, 2:4].T
     gap = ((edges[:, :2] - start) * edges[:, 2:4]).sum(axis=1)
-    with np.errstate(divide="ignore"):
-        lengths = np.where(along > PARALLEL_BEAM, gap / along, np.inf).min(axis=1)
-    return np.asarray(start + lengths[:, None] * ways[beams])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        lengths, slanted = gap / along, abs(along) > PARALLEL_BEAM
+    out = np.where(slanted & (along > 0.0), lengths, np.inf)
+    into = np.where(
+        slanted & (along < 0.0),
+        lengths,
+        np.where(slanted | (gap > 0.0), -np.inf, np.inf),
+    )
+    leaves = np.minimum.reduceat(out, starts, axis=1)
+    enters = np.maximum.reduceat(into, starts, axis=1)
+    leaves = np.where(enters <= leaves, leaves, -np.inf).max(axis=1)
+    hit = leaves > 0.0
+    return np.asarray(start + leaves[hit, None] * ways[beams][hit])
 
 
 def hidden(points: Array, fan: Fan, beams: Flags, place: Transform) -> Flags:

@@ -22,7 +22,7 @@ from qpavoid.avoidance.step import PROBLEM_SIZE
 from qpavoid.errors import ConfigError, DataError, UnknownNameError
 from qpavoid.guide.geodesic import CELL
 from qpavoid.guide.rollout import ROWS, TICK
-from qpavoid.guide.room import OUTLINE_SPACING, inner_radius, outline
+from qpavoid.guide.room import OUTLINE_SPACING, outline
 from qpavoid.guide.settings import BACK_SPEED, GuideSettings
 from qpavoid.guide.stage import fresh_stage
 from qpavoid.guide.state import NO_PATH
@@ -210,7 +210,7 @@ def robot_data(robot: Robot) -> dict[str, Any]:
         "edges": packed(robot.footprint.edges),
         "limits": packed(robot.limit_vector),
         "outline": packed(outline(robot.footprint)),
-        "inner": inner_radius(robot.footprint),
+        "inner": robot.footprint.inner_radius,
     }
 
 
