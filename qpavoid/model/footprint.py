@@ -7,6 +7,7 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.capsules import CORNER
@@ -243,6 +244,11 @@ class Footprint:
         """Return the union of footprints or corners of polygons, robot frame, m."""
         each = (x.outlines if isinstance(x, cls) else (x,) for x in parts)
         return cls(tuple(outline for outlines in each for outline in outlines))
+
+    @property
+    def starts(self) -> npt.NDArray[np.int64]:
+        """(p,) row of the first edge of each part."""
+        return np.cumsum([0, *map(len, self.parts[:-1])])
 
     @property
     def circumradius(self) -> float:

@@ -44,8 +44,8 @@ def within(footprint: Footprint, points: Array, margin: float) -> Flags:
     edges = footprint.edges
     reach = (edges[:, :2] * edges[:, 2:4]).sum(axis=1) + margin
     beyond = points @ edges[:, 2:4].T > reach
-    starts = np.cumsum([0, *map(len, footprint.parts[:-1])])
-    return np.asarray(~np.logical_or.reduceat(beyond, starts, axis=1).all(axis=1))
+    apart = np.logical_or.reduceat(beyond, footprint.starts, axis=1)
+    return np.asarray(~apart.all(axis=1))
 
 
 class OwnPlaces:
@@ -108,23 +108,17 @@ def unknown_sectors(fan: Fan, place: Transform, boxes: Array, least: float) -> F
 
 def border(fan: Fan, beams: Flags, place: Transform, footprint: Footprint) -> Array:
     """Return the points (m, 2) where beams (n,) leave a footprint for good."""
-    start, ways = _rays(fan, place)
-    edges, starts = footprint.edges, np.cumsum([0, *map(len, footprint.parts[:-1])])
+    (start, ways), edges, starts = _rays(fan, place), footprint.edges, footprint.starts
     along = ways[beams] @ edges[:, 2:4].T
-    gap = ((edges[:, :2] - start) * edges[:, 2:4]).sum(axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        lengths, slanted = gap / along, abs(along) > PARALLEL_BEAM
-    out = np.where(slanted & (along > 0.0), lengths, np.inf)
-    into = np.where(
-        slanted & (along < 0.0),
-        lengths,
-        np.where(slanted | (gap > 0.0), -np.inf, np.inf),
-    )
+    along = np.where(abs(along) > PARALLEL_BEAM, along, PARALLEL_BEAM)
+    lengths = ((edges[:, :2] - start) * edges[:, 2:4]).sum(axis=1) / along
+    out = np.where(along > 0.0, lengths, np.inf)
+    into = np.where(along > 0.0, -np.inf, lengths)
     leaves = np.minimum.reduceat(out, starts, axis=1)
     enters = np.maximum.reduceat(into, starts, axis=1)
     leaves = np.where(enters <= leaves, leaves, -np.inf).max(axis=1)
-    hit = leaves > 0.0
-    return np.asarray(start + leaves[hit, None] * ways[beams][hit])
+    crossed = leaves > 0.0
+    return np.asarray(start + leaves[crossed, None] * ways[beams][crossed])
 
 
 def hidden(points: Array, fan: Fan, beams: Flags, place: Transform) -> Flags:

@@ -13,6 +13,7 @@ from qpavoid.avoidance.decision import BRAKING, HOLDING, RELAXED, STATUSES, Stat
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.model.obstacles import Obstacles
+from shapes import UNIONS
 
 EPSILON = epsilon(R_MIN)
 REST = (0.0, 0.0, 0.0)
@@ -51,6 +52,15 @@ def test_a_small_radius_is_kept_too(r_min, count, ahead, dt, limits):
     """With a steep barrier, that asks for more deceleration than there is."""
     case = Case(limits, dt, ahead, r_min=r_min, gamma=10.0)
     holds(case, count // 4 if ahead else count, seed=3)
+
+
+@steps
+@aheads
+@pytest.mark.parametrize("count", [20, pytest.param(2000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("footprint", UNIONS.values(), ids=UNIONS)
+def test_nothing_that_stands_is_touched_by_any_part(footprint, count, ahead, dt):
+    case = Case("wheels", dt, ahead, footprint=footprint)
+    holds(case, count // 2 if ahead else count, seed=5)
 
 
 @steps
