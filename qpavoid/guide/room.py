@@ -55,7 +55,7 @@ class Field(NamedTuple):
 
 
 def outline(footprint: Footprint, spacing: float = OUTLINE_SPACING) -> Array:
-    """Return points (n, 2) on the edges of all parts, and halfway in, robot frame, m."""
+    """Return points (n, 2) on the edges of all parts and halfway in, robot frame, m."""
     points = []
     for edges in np.split(footprint.edges, footprint.starts[1:]):
         ring = []
