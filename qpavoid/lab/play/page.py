@@ -206,7 +206,7 @@ def robot_data(robot: Robot) -> dict[str, Any]:
     """Return a robot as the page takes it."""
     return {
         "name": robot.name,
-        "vertices": robot.footprint.vertices.tolist(),
+        "outlines": [x.tolist() for x in robot.footprint.outlines],
         "edges": packed(robot.footprint.edges),
         "limits": packed(robot.limit_vector),
         "outline": packed(outline(robot.footprint)),
