@@ -282,34 +282,33 @@ def line_time(
 
 @compiled_once
 def clear_time(
-    scene: Scene,
-    i: int,
+    edges: Array,
+    body: Body,
     ends: Ends,
     driven: ArcTwist,
     keep: Pair,
     limits: tuple[float, float, float],
 ) -> float:
-    """Return a lower bound of the time until body i violates its distance, s.
+    """Return a lower bound of the time until a body violates its distance, s.
 
     Negative if it does so now.
 
     Args:
-        scene: With the body.
-        i: Number of the body.
+        edges: Of the footprint.
+        body: The body.
         ends: Of its segment.
         driven: Twist of the robot.
         keep: Required distance, and the part of it that may be missed later, m.
         limits: Growth of that distance and closing speed, m/s; end of the arc, s.
     """
     (required, slack), (growth, pace, until), wait, stop = keep, limits, math.inf, 0
-    edges, body, least = scene.edges, body_at(scene, i), required - slack
+    least = required - slack
     while stop < edges.shape[0]:
         part = part_at(edges, stop)
         contact, stop = part_contact(edges, part, body, ends), part.end
         if contact.distance < required:
             return -1.0
-        time = line_time(body, contact, ends, driven, (least, growth))
-        time = min(time, until)
+        time = min(line_time(body, contact, ends, driven, (least, growth)), until)
         if pace > 0.0:
             # The bound by the greatest speed [Mirtich1996] holds across arcs, and may
             # be the longer one.
@@ -379,7 +378,7 @@ def too_near(
                 until = arc_at(arcs, row + 1).begin - time
             driven = arc_twist(arc, time, dt)
             speeds = (growth, pace, until)
-            wait = clear_time(scene, i, ends, driven, (keep, slack), speeds)
+            wait = clear_time(scene.edges, body, ends, driven, (keep, slack), speeds)
             if wait < 0.0:
                 return True, time
         time += wait

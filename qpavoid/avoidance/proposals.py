@@ -178,14 +178,15 @@ def note_contact(
     """
     ends, tick, stop = ends_at(body, time, at), scene.settings[0].tick, 0
     least, missing = math.inf, max(ROW_ROOM - body.now, 0.0)
-    # Ticks 1 to STRIDE share slot 0, the next ones slot 1, independent of rounding.
-    slot = max(math.ceil(time / tick - SAME_TIME) - 1, 0) // STRIDE
     while stop < scene.edges.shape[0]:
         part = part_at(scene.edges, stop)
         contact, stop = part_contact(scene.edges, part, body, ends), part.end
         room = contact.distance - body.keep + missing
         least = min(least, room)
         if room < ROW_WITHIN:
+            # Ticks 1 to STRIDE share slot 0, the next ones slot 1, independent of
+            # rounding.
+            slot = max(math.ceil(time / tick - SAME_TIME) - 1, 0) // STRIDE
             row = slot * OCTANTS + sector(contact.n_x, contact.n_y)
             side = side_at(sides, row)
             # Of equal margins the first body's: independent of the order of input.

@@ -140,10 +140,11 @@ def point_contact_of(edges: Array, part: Part, x: float, y: float) -> Contact:
 @compiled
 def point_contact(edges: Edges, x: float, y: float) -> Contact:
     """Return the nearest contact of a footprint with the point (x, y)."""
-    nearest, end = NO_CONTACT, 0
-    while end < edges.shape[0]:
-        part = part_at(edges, end)
-        contact, end = point_contact_of(edges, part, x, y), part.end
+    part = part_at(edges, 0)
+    nearest = point_contact_of(edges, part, x, y)
+    while part.end < edges.shape[0]:
+        part = part_at(edges, part.end)
+        contact = point_contact_of(edges, part, x, y)
         if contact.distance < nearest.distance:
             nearest = contact
     return nearest
@@ -256,10 +257,11 @@ def wall_contact_of(edges: Array, part: Part, wall: Segment) -> Contact:
 @compiled_once
 def wall_contact(edges: Array, wall: Segment) -> Contact:
     """Return the nearest contact of a footprint with a wall."""
-    nearest, end = NO_CONTACT, 0
-    while end < edges.shape[0]:
-        part = part_at(edges, end)
-        contact, end = wall_contact_of(edges, part, wall), part.end
+    part = part_at(edges, 0)
+    nearest = wall_contact_of(edges, part, wall)
+    while part.end < edges.shape[0]:
+        part = part_at(edges, part.end)
+        contact = wall_contact_of(edges, part, wall)
         if contact.distance < nearest.distance:
             nearest = contact
     return nearest

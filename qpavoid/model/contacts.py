@@ -192,17 +192,17 @@ def point_contacts(
     edges: Array, points: Array, within: tuple[float, float], contacts: Array
 ) -> tuple[int, int]:
     """Fill in the contacts of points; ``within``: circumradius and reach, m."""
-    count, nearest, least, beyond = 0, -1, math.inf, math.inf
-    for i in range(points.shape[0]):
-        x, y = points[i, 0], points[i, 1]
-        if not (abs(x) < FARTHEST and abs(y) < FARTHEST):
-            return 0, -2
-        if x * x + y * y > beyond:
-            continue
-        end = 0
-        while end < edges.shape[0]:
-            part = part_at(edges, end)
-            contact, end = point_contact_of(edges, part, x, y), part.end
+    count, nearest, least, beyond, end = 0, -1, math.inf, math.inf, 0
+    while end < edges.shape[0]:
+        part = part_at(edges, end)
+        end = part.end
+        for i in range(points.shape[0]):
+            x, y = points[i, 0], points[i, 1]
+            if not (abs(x) < FARTHEST and abs(y) < FARTHEST):
+                return 0, -2
+            if x * x + y * y > beyond:
+                continue
+            contact = point_contact_of(edges, part, x, y)
             if contact.distance < least:
                 nearest, least = count, contact.distance
                 # One square per new minimum instead of a root per point.
