@@ -57,13 +57,14 @@ class Compiled:
 
     Attributes:
         py_func: The Python function.
+        options: Of numba.
         is_entry: Whether it is an :func:`entry`.
         asks: Name of the entry that checks arguments (:func:`entry_if`), or empty.
     """
 
     def __init__(self, function: Callable[..., Any], **options: bool) -> None:
         update_wrapper(self, function)
-        self.py_func, self.is_entry, self._options = function, False, options
+        self.py_func, self.is_entry, self.options = function, False, options
         self.asks = ""
 
     def __call__(self, *given: Any, **named: Any) -> Any:
@@ -91,12 +92,12 @@ class Compiled:
     @cached_property
     def dispatcher(self) -> Any:
         """Dispatcher that numba makes of the function."""
-        return _dispatcher(self.py_func, **self._options)
+        return _dispatcher(self.py_func, **self.options)
 
     @cached_property
     def inner(self) -> Any:
         """Dispatcher for compiled callers only: uncached, without a Python wrapper."""
-        return _dispatcher(self.py_func, kept=False, **UNWRAPPED, **self._options)
+        return _dispatcher(self.py_func, kept=False, **UNWRAPPED, **self.options)
 
     @property
     def _numba_type_(self) -> Any:

@@ -89,8 +89,8 @@ MatrixWritten: TypeAlias = Annotated[Array, Buffer(2, written=True)]
 LimitVector: TypeAlias = Annotated[Vector, Sizes(9)]
 """(9,) :attr:`qpavoid.model.robot.Robot.limit_vector`."""
 
-Edges: TypeAlias = Annotated[Matrix, Sizes(1, 5)]
-"""(n, 5) edges of a footprint; see :class:`qpavoid.model.footprint.Footprint`."""
+Edges: TypeAlias = Annotated[Matrix, Sizes(1, 6)]
+"""(n, 6) edges of a footprint; see :class:`qpavoid.model.footprint.Footprint`."""
 
 Points: TypeAlias = Annotated[Matrix, Sizes(0, 2)]
 """(N, 2), m."""

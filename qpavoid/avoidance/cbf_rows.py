@@ -296,13 +296,19 @@ def no_tangent(side: Pair) -> Tangent:
 
 @compiled_once
 def tangent_at(edges: Array, place: Pair, normal: Pair, distance: float) -> Tangent:
-    """Return the tangent of a contact of the footprint at P_r, m."""
+    """Return the tangent of a contact of the footprint at P_r, m.
+
+    None if the footprint, not convex, reaches beyond it.
+    """
     (x, y), (n_x, n_y) = place, normal
     foremost, first = n_x * x + n_y * y, n_x * y - n_y * x
     last = first
     for i in range(edges.shape[0]):
         corner_x, corner_y = corner_at(edges, i)
-        if n_x * corner_x + n_y * corner_y > foremost - TINY:
+        ahead = n_x * corner_x + n_y * corner_y
+        if ahead > foremost + distance + TINY:
+            return no_tangent(normal)
+        if ahead > foremost - TINY:
             beside = n_x * corner_y - n_y * corner_x
             first, last = min(first, beside), max(last, beside)
     return Tangent(normal, foremost + distance, first, last, distance)

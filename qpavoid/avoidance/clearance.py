@@ -8,10 +8,11 @@ Beyond an arc, and far away, the bound is that of the circles round footprint an
 Elsewhere it is as follows.
 
 Let m be the margin, n the normal of the contact and P_r its point, in the robot frame.
-No point of the footprint lies beyond the line across n at P_r. Hence, for an end e of
+No point of a convex part lies beyond the line across n at P_r. Hence, for an end e of
 the body's segment, m(t + τ) ≥ m_e + n·(e(t + τ) − e(t)), and the least over both ends
-bounds that of the segment. With the robot driving u = (v, ω), and the end moving at w
-over ground (in the robot's axes) on an obstacle that spins at σ with lever l,
+bounds that of the segment; the least bound of all parts is that of the footprint. With
+the robot driving u = (v, ω), and the end moving at w over ground (in the robot's axes)
+on an obstacle that spins at σ with lever l,
 
     n·(e(t + τ) − e(t)) ≥ s τ − ½ Q τ²     for |ω| τ ≤ 1,     s = n·w − n·J_e u,
     Q = max(ω² n·e − ω v n_y, 0) + ⅓ |ω| max(−n·J_e u, 0) + 2 |ω| |w| + σ² l.
@@ -56,7 +57,15 @@ from qpavoid.avoidance.plan import (
 )
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.capsules import Segment
-from qpavoid.model.contact import Contact, point_contact, wall_contact
+from qpavoid.model.contact import (
+    Contact,
+    Part,
+    part_at,
+    point_contact,
+    point_contact_of,
+    wall_contact,
+    wall_contact_of,
+)
 from qpavoid.model.kinematics import Frame
 from qpavoid.model.robot import limits_of
 from qpavoid.types import Array, Pair
@@ -108,6 +117,15 @@ def ends_at(body: Body, time: float, at: Frame) -> Ends:
     x1, y1 = c * x1 + s * y1, c * y1 - s * x1
     x2, y2 = c * x2 + s * y2, c * y2 - s * x2
     return Ends(End(x1, y1, w_x1, w_y1), End(x2, y2, w_x2, w_y2))
+
+
+@compiled_once
+def part_contact(edges: Array, part: Part, body: Body, ends: Ends) -> Contact:
+    """Return the contact of a convex part with the segment of a body."""
+    one, other = ends.one, ends.other
+    if is_point(body):
+        return point_contact_of(edges, part, one.x, one.y)
+    return wall_contact_of(edges, part, Segment(one.x, one.y, other.x, other.y))
 
 
 @compiled_once
@@ -258,6 +276,43 @@ def line_time(
     return min(time, end_time(contact, ends.other, driven, (floor, keep[1], spin)))
 
 
+@compiled_once
+def clear_time(
+    edges: Array,
+    body: Body,
+    ends: Ends,
+    driven: ArcTwist,
+    keep: Pair,
+    limits: tuple[float, float, float],
+) -> float:
+    """Return a lower bound of the time until a body violates its distance, s.
+
+    Negative if it does so now.
+
+    Args:
+        edges: Of the footprint.
+        body: The body.
+        ends: Of its segment.
+        driven: Twist of the robot.
+        keep: Required distance, and the part of it that may be missed later, m.
+        limits: Growth of that distance and closing speed, m/s; end of the arc, s.
+    """
+    (required, slack), (growth, pace, until), wait, stop = keep, limits, math.inf, 0
+    least = required - slack
+    while stop < edges.shape[0]:
+        part = part_at(edges, stop)
+        contact, stop = part_contact(edges, part, body, ends), part.end
+        if contact.distance < required:
+            return -1.0
+        time = min(line_time(body, contact, ends, driven, (least, growth)), until)
+        if pace > 0.0:
+            # The bound by the greatest speed [Mirtich1996] holds across arcs, and may
+            # be the longer one.
+            time = max(time, (contact.distance - least - BOUND_ROUNDING) / pace)
+        wait = min(wait, time)
+    return wait
+
+
 LOOKS = 80
 """Samples of one body along a rollout, in addition to one per arc."""
 
@@ -311,21 +366,17 @@ def too_near(
         if spare > AFAR:
             wait = spare / passing if passing > 0.0 else math.inf
         else:
-            ends = ends_at(body, time, at)
-            contact = line_contact(scene.edges, body, ends)
             keep = body.keep + growth * time + level
-            if contact.distance < keep:
-                return True, time
-            driven, least = arc_twist(arc, time, dt), keep - slack
-            wait = line_time(body, contact, ends, driven, (least, growth))
+            ends, until = ends_at(body, time, at), math.inf
             if row + 1 < count:
                 # The bound holds for this arc's twist; the next one is sampled at its
                 # start.
-                wait = min(wait, arcs[row + 1].begin - time)
-            if pace > 0.0:
-                # The bound by the greatest speed [Mirtich1996] holds across arcs, and
-                # may be the longer one.
-                wait = max(wait, (contact.distance - least - BOUND_ROUNDING) / pace)
+                until = arcs[row + 1].begin - time
+            driven = arc_twist(arc, time, dt)
+            speeds = (growth, pace, until)
+            wait = clear_time(scene.edges, body, ends, driven, (keep, slack), speeds)
+            if wait < 0.0:
+                return True, time
         time += wait
         if time >= end:
             return False, end

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from copy import deepcopy
+from dataclasses import replace
 from threading import get_ident
 from time import perf_counter
 from typing import Any
@@ -42,12 +43,14 @@ from qpavoid.avoidance.step import (
 from qpavoid.compiled import bound
 from qpavoid.errors import QPAvoidError, ThreadError
 from qpavoid.model.contacts import most_contacts
+from qpavoid.model.footprint import Footprint
 from qpavoid.model.given import NO_CAPSULES, NO_POINTS
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import UNLIMITED_TWIST, Robot, braking_twist
 from qpavoid.qp.exact import ROW_OWNER, B
 from qpavoid.qp.problem import FilterProblem, SolveStatus
 from qpavoid.qp.solve import BackEnd, load_back_end, solve
+from qpavoid.settings import want
 from qpavoid.types import Array, Arrays, Pair
 
 CONTACTS = 512
@@ -88,10 +91,7 @@ class Engine:
         self, robot: Robot, settings: AvoidanceSettings, solver: str, ahead: bool
     ) -> None:
         self.settings, self.solver, self.ahead = settings, solver, ahead
-        edges, limits = robot.footprint.edges, robot.limit_vector
-        endless = np.isinf(limits) & (np.arange(len(limits)) < 4)
-        limits[endless] = np.copysign(UNLIMITED_TWIST, limits[endless])
-        self.setup = Setup(edges, limits, settings.record())
+        self.setup = setup_of(robot, settings)
         self.forget()
         self.use(named_back_end(solver))
 
@@ -119,6 +119,11 @@ class Engine:
         vars(self).update(state)
         self._begin()
         self.use(named_back_end(self.solver))
+
+    def fit(self, robot: Robot) -> None:
+        """Set another footprint; the state is kept."""
+        self.setup = setup_of(robot, self.settings)
+        self._be_quick()
 
     def bind(self, thread: int) -> None:
         """Bind to the first thread that uses it; ThreadError for another one."""
@@ -203,6 +208,14 @@ class Engine:
         return solution.u[0].item(), solution.u[1].item()
 
 
+def setup_of(robot: Robot, settings: AvoidanceSettings) -> Setup:
+    """Return robot and settings for compiled functions, with finite twists."""
+    edges, limits = robot.footprint.edges, robot.limit_vector
+    endless = np.isinf(limits) & (np.arange(len(limits)) < 4)
+    limits[endless] = np.copysign(UNLIMITED_TWIST, limits[endless])
+    return Setup(edges, limits, settings.record())
+
+
 def named_back_end(solver: str) -> BackEnd | None:
     """Return the back end of a name; None for ``exact``."""
     return None if solver == "exact" else load_back_end(solver)
@@ -279,6 +292,31 @@ class SafetyFilter:
     def robot(self) -> Robot:
         """Footprint and limits."""
         return self._robot
+
+    @property
+    def footprint(self) -> Footprint:
+        """Footprint of the robot, which may be set between steps.
+
+        The state is kept: twist, plan, faults, thread. The next verdict is that of the
+        new footprint, of the retained plan too: if that is not clear any more, and no
+        other plan is, the robot brakes or the decision is ``relaxed``. Obstacles that a
+        larger footprint has inside r_min, or overlaps with, are treated as any others
+        there: the clearance says so, and they are only left. Theorem 1 holds again once
+        the robot stands with d ≥ r_min − ε for the new footprint.
+
+        Raises:
+            InvalidInputError: It is no Footprint; the previous one is kept.
+            ThreadError: Another thread has used the filter since :meth:`reset`.
+        """
+        return self._robot.footprint
+
+    @footprint.setter
+    def footprint(self, footprint: Footprint) -> None:
+        want(isinstance(footprint, Footprint), "footprint must be a Footprint")
+        if self._engine.is_elsewhere():
+            raise ThreadError(ELSEWHERE)
+        self._robot = replace(self._robot, footprint=footprint)
+        self._engine.fit(self._robot)
 
     @property
     def settings(self) -> AvoidanceSettings:

@@ -38,8 +38,8 @@ from qpavoid.avoidance.clearance import (
     ends_at,
     first_met,
     is_met,
-    line_contact,
     next_body,
+    part_contact,
     passing_speed,
 )
 from qpavoid.avoidance.plan import (
@@ -61,6 +61,7 @@ from qpavoid.avoidance.plan import (
 )
 from qpavoid.avoidance.verdict import first_target
 from qpavoid.compiled import compiled, compiled_once, entry
+from qpavoid.model.contact import part_at
 from qpavoid.model.kinematics import TINY, Frame, moved_on
 from qpavoid.model.robot import RELATIVE_ROUNDING, clipped, within_wheels
 from qpavoid.qp.exact import A_OMEGA, A_V, ROW_OWNER, B, Optimum, Terms, solve_exactly
@@ -145,9 +146,10 @@ def sector(n_x: float, n_y: float) -> int:
 def note_contact(
     scene: Scene, i: int, body: Body, time: float, at: Frame, sides: Table
 ) -> float:
-    """Store the contact with a body at a time, if it gets a row; return its margin.
+    """Store the contacts with a body at a time that get a row; return the least margin.
 
-    Of a static body the margin that is missing now is added, up to :data:`ROW_ROOM`.
+    One contact per convex part. Of a static body the margin that is missing now is
+    added, up to :data:`ROW_ROOM`.
 
     Args:
         scene: Of the step.
@@ -157,21 +159,26 @@ def note_contact(
         at: Frame of the robot then.
         sides: Updated.
     """
-    ends, tick = ends_at(body, time, at), scene.settings[0].tick
-    contact = line_contact(scene.edges, body, ends)
-    room = contact.distance - body.keep + max(ROW_ROOM - body.now, 0.0)
-    if room < ROW_WITHIN:
-        # Ticks 1 to STRIDE share slot 0, the next ones slot 1, independent of rounding.
-        slot = max(math.ceil(time / tick - SAME_TIME) - 1, 0) // STRIDE
-        row = slot * OCTANTS + sector(contact.n_x, contact.n_y)
-        side = sides[row]
-        # Of equal margins the first body's: independent of the order of input.
-        if room < side.room or (
-            room == side.room and comes_first(scene.bodies, i, side.body)
-        ):
-            p_x, p_y, n_x, n_y = contact.x, contact.y, contact.n_x, contact.n_y
-            sides[row] = Side(p_x, p_y, n_x, n_y, room, time, i)
-    return float(room)
+    ends, tick, stop = ends_at(body, time, at), scene.settings[0].tick, 0
+    least, missing = math.inf, max(ROW_ROOM - body.now, 0.0)
+    while stop < scene.edges.shape[0]:
+        part = part_at(scene.edges, stop)
+        contact, stop = part_contact(scene.edges, part, body, ends), part.end
+        room = contact.distance - body.keep + missing
+        least = min(least, room)
+        if room < ROW_WITHIN:
+            # Ticks 1 to STRIDE share slot 0, the next ones slot 1, independent of
+            # rounding.
+            slot = max(math.ceil(time / tick - SAME_TIME) - 1, 0) // STRIDE
+            row = slot * OCTANTS + sector(contact.n_x, contact.n_y)
+            side = sides[row]
+            # Of equal margins the first body's: independent of the order of input.
+            if room < side.room or (
+                room == side.room and comes_first(scene.bodies, i, side.body)
+            ):
+                p_x, p_y, n_x, n_y = contact.x, contact.y, contact.n_x, contact.n_y
+                sides[row] = Side(p_x, p_y, n_x, n_y, room, time, i)
+    return least
 
 
 @compiled_once

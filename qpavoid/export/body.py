@@ -51,11 +51,12 @@ class FunctionBody:
         """Knowledge of the variables, constant at the fixed point."""
         return dict(self.kinds), self.result, self.uses
 
-    def text(self, name: str) -> str:
+    def text(self, name: str, inline: bool) -> str:
         """Return the definition, without parameters and variables never read."""
         kinds, given = self.kinds, self.parameters
         taken = [self.parameter(n) for n in given if n in self.reads]
-        head = f"static {self.result} {name}({', '.join(taken) or 'void'})"
+        listed = ", ".join(taken) or "void"
+        head = f"static {'inline ' * inline}{self.result} {name}({listed})"
         top = [
             f"    {declaration(kinds[n], n)} = {'0' if kinds[n] in NUMBERS else '{0}'};"
             for n in self.reads - self.inline - set(given)

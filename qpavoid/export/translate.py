@@ -622,7 +622,8 @@ class Translation:
         """All functions, after the constants, types and helpers that they use."""
         used, functions = set(self.wanted), []
         for made in reversed(self.functions.values()):
-            text = made.body.text(made.name)
+            known = made.plain.__globals__.get(made.plain.__name__)
+            text = made.body.text(made.name, is_inlined(known))
             if made.name in used:
                 comment = made.plain.__module__, made.plain.__doc__
                 functions.append(commented(*comment, text))
@@ -637,6 +638,11 @@ class Translation:
         ]
         texts = [text for name, text in types.items() if name in used]
         return "\n\n".join(["\n".join(defines), *texts, *reversed(functions)])
+
+
+def is_inlined(function: Any) -> bool:
+    """Return whether calls from compiled functions are inlined."""
+    return bool(getattr(function, "options", {}).get("forceinline"))
 
 
 def annotated(hint: ast.expr | None) -> str:

@@ -8,7 +8,6 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.settings import SafetyRadius
 from qpavoid.guide.geodesic import CELL
-from qpavoid.guide.room import inner_radius
 from qpavoid.model.robot import Robot
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, Range, check, want
 from qpavoid.types import Record, record_type
@@ -84,7 +83,7 @@ class GuideSettings:
             "speed": min(self.speed, limits.v_max),
             "turn_rate": min(self.turn_rate, limits.omega_max, -limits.omega_min),
             "back_speed": min(BACK_SPEED, -limits.v_min),
-            "inner": inner_radius(robot.footprint),
+            "inner": robot.footprint.inner_radius,
         }
         drives = min(values["speed"], values["turn_rate"]) > 0.0
         want(drives, "a guide needs a robot that drives and turns")

@@ -26,7 +26,8 @@ from qpavoid.model.contact import (
     Contact,
     feature_contact,
     feature_count,
-    point_contact,
+    part_at,
+    point_contact_of,
     separation,
 )
 from qpavoid.model.footprint import Footprint
@@ -162,23 +163,27 @@ def contact_table(
             return 0, -2
         if far > 0:
             continue
-        features, overlap = 1, NO_CONTACT
-        if has_length(chain, 0):
-            overlap = separation(edges, chain)
-            if overlap.distance > 0.0:
-                features = feature_count(edges, chain)
-        for feature in range(features):
-            contact = overlap
-            if overlap.distance > 0.0:
-                contact = feature_contact(edges, chain, feature)
-            distance = contact.distance - chain[0, RADIUS]
-            # The nearest is stored even beyond the reach.
-            if distance < least:
-                nearest, least = count, distance
-            elif distance > reach or contact.segment < 0:
-                continue
-            set_contact(contacts, count, capsule_contact(contact, chain))
-            count += 1
+        stop = 0
+        while stop < edges.shape[0]:
+            part = part_at(edges, stop)
+            stop = part.end
+            features, overlap = 1, NO_CONTACT
+            if has_length(chain, 0):
+                overlap = separation(edges, part, chain)
+                if overlap.distance > 0.0:
+                    features = feature_count(part, chain)
+            for feature in range(features):
+                contact = overlap
+                if overlap.distance > 0.0:
+                    contact = feature_contact(edges, part, chain, feature)
+                distance = contact.distance - chain[0, RADIUS]
+                # The nearest is stored even beyond the reach.
+                if distance < least:
+                    nearest, least = count, distance
+                elif distance > reach or contact.segment < 0:
+                    continue
+                set_contact(contacts, count, capsule_contact(contact, chain))
+                count += 1
     return count, nearest
 
 
@@ -187,24 +192,27 @@ def point_contacts(
     edges: Array, points: Array, within: tuple[float, float], contacts: Array
 ) -> tuple[int, int]:
     """Fill in the contacts of points; ``within``: circumradius and reach, m."""
-    count, nearest, least, beyond = 0, -1, math.inf, math.inf
-    for i in range(points.shape[0]):
-        x, y = points[i, 0], points[i, 1]
-        if not (abs(x) < FARTHEST and abs(y) < FARTHEST):
-            return 0, -2
-        if x * x + y * y > beyond:
-            continue
-        contact = point_contact(edges, x, y)
-        if contact.distance < least:
-            nearest, least = count, contact.distance
-            # One square per new minimum instead of a root per point.
-            beyond = (within[0] + max(within[1], least)) ** 2
-        elif contact.distance > within[1]:
-            continue
-        (p_x, p_y, n_x, n_y, distance, segment), z = contact, 0.0
-        row = ObstacleContact(p_x, p_y, n_x, n_y, distance, z, z, i, segment)
-        set_contact(contacts, count, row)
-        count += 1
+    count, nearest, least, beyond, end = 0, -1, math.inf, math.inf, 0
+    while end < edges.shape[0]:
+        part = part_at(edges, end)
+        end = part.end
+        for i in range(points.shape[0]):
+            x, y = points[i, 0], points[i, 1]
+            if not (abs(x) < FARTHEST and abs(y) < FARTHEST):
+                return 0, -2
+            if x * x + y * y > beyond:
+                continue
+            contact = point_contact_of(edges, part, x, y)
+            if contact.distance < least:
+                nearest, least = count, contact.distance
+                # One square per new minimum instead of a root per point.
+                beyond = (within[0] + max(within[1], least)) ** 2
+            elif contact.distance > within[1]:
+                continue
+            (p_x, p_y, n_x, n_y, distance, segment), z = contact, 0.0
+            row = ObstacleContact(p_x, p_y, n_x, n_y, distance, z, z, i, segment)
+            set_contact(contacts, count, row)
+            count += 1
     return count, nearest
 
 
@@ -253,15 +261,18 @@ def capsule_contact(contact: Contact, chain: Array) -> ObstacleContact:
 @compiled
 def most_contacts(edges: Edges, obstacles: Arrays) -> int:
     """Return the greatest number of contacts; see :func:`feature_count`."""
-    capsules, end = obstacles[1], 0
-    count = len(obstacles[0])
-    while end < len(capsules):
-        begin, end = end, chain_end(capsules, end)
-        if has_length(capsules, begin):
-            count += feature_count(edges, capsules[begin:end])
-        else:
-            count += 1
-        count = min(count, MOST_COUNTED)
+    count, stop = 0, 0
+    while stop < edges.shape[0]:
+        part = part_at(edges, stop)
+        stop, end = part.end, 0
+        count = min(count + len(obstacles[0]), MOST_COUNTED)
+        while end < len(obstacles[1]):
+            begin, end = end, chain_end(obstacles[1], end)
+            if has_length(obstacles[1], begin):
+                count += feature_count(part, obstacles[1][begin:end])
+            else:
+                count += 1
+            count = min(count, MOST_COUNTED)
     return count
 
 

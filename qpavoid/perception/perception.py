@@ -161,7 +161,6 @@ class Perception:
         settings: PerceptionSettings | None = None,
     ) -> None:
         lidar = Lidar() if lidar is None else lidar
-        self.robot = robot
         self.lidars = {"": lidar} if isinstance(lidar, Lidar) else dict(lidar)
         self.settings = settings if settings is not None else PerceptionSettings()
         known = all(isinstance(one, Lidar) for one in self.lidars.values())
@@ -170,15 +169,16 @@ class Perception:
             isinstance(self.settings, PerceptionSettings),
             "settings must be PerceptionSettings",
         )
-        edges = robot.footprint.edges
-        inner = float((edges[:, :2] * edges[:, 2:4]).sum(axis=1).min())
-        s = self.settings
-        self.model = Model(
-            max(inner, 0.0), s.radius, s.acceleration, s.memory, s.memory_way
-        )
+        self.fit(robot)
         self._devices: dict[str, Device] = {}
         self._found = Found(np.zeros((0, 2)), np.zeros((MOST_TRACKS, CAPSULE_WIDTH)))
         self.reset()
+
+    def fit(self, robot: Robot) -> None:
+        """Set the robot; what is known is kept, also of what a larger one covers."""
+        s, inner = self.settings, max(robot.footprint.inner_radius, 0.0)
+        self.robot = robot
+        self.model = Model(inner, s.radius, s.acceleration, s.memory, s.memory_way)
 
     def reset(self) -> None:
         """Forget everything that was seen."""

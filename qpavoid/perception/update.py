@@ -10,6 +10,7 @@ from typing import Annotated, NamedTuple
 
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.model.capsules import CAPSULE_WIDTH, Rigid, Segment, set_capsule
+from qpavoid.model.contact import point_contact
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.perception.alignment import (
     SYSTEM,
@@ -462,9 +463,7 @@ def add_point(
     c, s = math.cos(robot[2]), math.sin(robot[2])
     d_x, d_y = x - robot[0], y - robot[1]
     p_x, p_y = c * d_x + s * d_y, c * d_y - s * d_x
-    for k in range(edges.shape[0]):
-        a_x, a_y = p_x - edges[k, 0], p_y - edges[k, 1]
-        if a_x * edges[k, 2] + a_y * edges[k, 3] > 0.0:
-            points[count, 0], points[count, 1] = p_x, p_y
-            return count + 1
-    return count
+    if point_contact(edges, p_x, p_y).distance <= 0.0:
+        return count
+    points[count, 0], points[count, 1] = p_x, p_y
+    return count + 1

@@ -39,14 +39,16 @@ NEVER = 1e9
 
 
 def true_room(scene, trace, body, begin, end):
-    """The least room of a body from ``begin`` to ``end``, on a trace; and a look."""
-    corners, line, least = scene.corners, line_of(body), math.inf
+    """The least room of a body from ``begin`` to ``end``, on a trace."""
+    line, least = line_of(body), math.inf
     for k, row in enumerate(trace):
         start, past = max(begin - k * DT, 0.0), min(end - k * DT, DT)
         if start < past or start == past == 0.0:
             pose = driven_to(tuple(row[:3]), *row[3:], start)
             time = past - start
-            least = least_of(corners, pose, row[3:], time, k * DT + start, line, least)
+            for part in scene.parts:
+                known = part, pose, row[3:], time, k * DT + start, line
+                least = least_of(*known, least)
     return least
 
 
@@ -55,7 +57,7 @@ def room_now(scene, trace, body, time):
     k = min(int(time / DT + 1e-9), len(trace) - 1)
     pose = driven_to(tuple(trace[k, :3]), *trace[k, 3:], time - k * DT)
     grown = body.growth * time
-    return gap_at(scene.corners, pose, line_of(body), time) - grown
+    return min(gap_at(x, pose, line_of(body), time) for x in scene.parts) - grown
 
 
 class Judged:
@@ -65,7 +67,7 @@ class Judged:
         self.scene = scene_of(robot, world, now, **more)
         self.rollout = rolled(self.scene, plan, now, DT, 1)
         self.trace = steps_of(robot, plan, now, DT, True, seconds)
-        self.corners, self.bodies = robot.footprint.vertices, self.scene.bodies
+        self.parts, self.bodies = robot.footprint.parts, self.scene.bodies
 
     def near(self, i, span, level):
         return too_near(self.scene, self.rollout, i, span, level, 0.0)
@@ -168,7 +170,7 @@ def test_what_grows_far_away_is_too_near_in_the_end():
     world, still = Obstacles(discs=[(0.9, 0.1, 0.1)]), hold(0.0, 0.0, 0.5)
     judged = Judged(ROBOT, world, still, (0.0, 0.0), horizon=0.0)
     judged.bodies[0].x, judged.bodies[0].growth = 2.0, 0.1
-    room = gap_at(judged.corners, (0.0, 0.0, 0.0), line_of(judged.bodies[0]), 0.0)
+    room = gap_at(judged.parts[0], (0.0, 0.0, 0.0), line_of(judged.bodies[0]), 0.0)
     for level in (0.0, 0.3, 1.0):
         when = (room - level) / 0.1
         assert judged.near(0, (0.0, 3.0 * when), level)[0]
@@ -179,14 +181,19 @@ def test_what_grows_far_away_is_too_near_in_the_end():
 @pytest.fixture
 def looks(monkeypatch):
     """Count the distances that a function asks for, run as plain Python."""
-    made, contact = [], clearance.line_contact
+    made = []
 
-    def counting(*given):
-        made.append(given[2])
-        assert len(made) < 9 * LOOKS, "no end"
-        return contact(*given)
+    def counting(contact):
+        def counted(*given):
+            made.append(given)
+            assert len(made) < 9 * LOOKS, "no end"
+            return contact(*given)
 
-    monkeypatch.setattr(clearance, "line_contact", counting)
+        return counted
+
+    monkeypatch.setattr(clearance, "line_contact", counting(clearance.line_contact))
+    monkeypatch.setattr(clearance, "part_contact", counting(clearance.part_contact))
+    monkeypatch.setattr(clearance, "clear_time", clearance.clear_time.py_func)
     monkeypatch.setattr(clearance, "room_at", clearance.room_at.py_func)
 
     def count(function, judged, i, span, *level):
@@ -309,12 +316,13 @@ from qpavoid import SafetyFilter
 from qpavoid.avoidance import clearance, proposals, selection, step, verdict
 
 made, planned, bodies = [0], [0], [0]
-contact, roll_out = clearance.line_contact, verdict.roll_out
+contact, part = clearance.line_contact, clearance.part_contact
+roll_out = verdict.roll_out
 reach = step.bodies_in_reach
 
 def counted(*given):
     made[0] += 1
-    return contact(*given)
+    return (contact if len(given) == 3 else part)(*given)
 
 def rolled(*given):
     planned[0] += 1
@@ -324,7 +332,7 @@ def reached(*given):
     bodies[0] = reach(*given)
     return bodies[0]
 
-clearance.line_contact = proposals.line_contact = counted
+clearance.line_contact = clearance.part_contact = proposals.part_contact = counted
 verdict.roll_out = proposals.roll_out = selection.roll_out = rolled
 step.bodies_in_reach = reached
 slow = Limits(-1.0, 1.0, -1.5, 1.5, 0.5, 0.02)

@@ -15,7 +15,7 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, braking_twist, limit_twist
 from qpavoid.types import Box
-from shapes import NEEDLE, ROBOT, SHIFTED
+from shapes import ELL, FORKS, NEEDLE, ROBOT, SHIFTED
 
 LIMITED = replace(
     ROBOT, limits=replace(ROBOT.limits, acceleration=2.0, angular_acceleration=2.5)
@@ -32,6 +32,8 @@ ROBOTS = {
     "wheels": WHEELS,
     "needle": replace(LIMITED, footprint=NEEDLE),
     "shifted": replace(WHEELS, footprint=SHIFTED),
+    "ell": replace(LIMITED, footprint=ELL),
+    "forks": replace(WHEELS, footprint=FORKS),
 }
 robots = pytest.mark.parametrize("robot", (ROBOT, LIMITED), ids=("free", "limited"))
 every_robot = pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)

@@ -9,8 +9,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Edges of the footprint: start (m), outward unit normal, length (m). */
-static const double edges[$n_edges][5] = {
+/* Edges of the footprint: start (m), outward unit normal, length (m), and the row after
+ * the last edge of its convex part. */
+static const double edges[$n_edges][6] = {
 $edges
 };
 

@@ -255,7 +255,7 @@ def body_discs(robot: Robot, count: int) -> tuple[tuple[float, float], ...]:
     disc about a point of the x-axis, to the nearest of 200.
     """
     corners = robot.footprint.vertices
-    ends = np.roll(corners, -1, axis=0)
+    ends = np.vstack([np.roll(x, -1, axis=0) for x in robot.footprint.outlines])
     cuts = np.linspace(corners[:, 0].min(), corners[:, 0].max(), count + 1)
     discs = []
     for low, high in pairwise(cuts.tolist()):

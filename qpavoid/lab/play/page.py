@@ -22,7 +22,7 @@ from qpavoid.avoidance.step import PROBLEM_SIZE
 from qpavoid.errors import ConfigError, DataError, UnknownNameError
 from qpavoid.guide.geodesic import CELL
 from qpavoid.guide.rollout import ROWS, TICK
-from qpavoid.guide.room import OUTLINE_SPACING, inner_radius, outline
+from qpavoid.guide.room import OUTLINE_SPACING, outline
 from qpavoid.guide.settings import BACK_SPEED, GuideSettings
 from qpavoid.guide.stage import fresh_stage
 from qpavoid.guide.state import NO_PATH
@@ -221,11 +221,11 @@ def robot_data(robot: Robot) -> dict[str, Any]:
     """Return a robot as the page takes it."""
     return {
         "name": robot.name,
-        "vertices": robot.footprint.vertices.tolist(),
+        "outlines": [x.tolist() for x in robot.footprint.outlines],
         "edges": packed(robot.footprint.edges),
         "limits": packed(robot.limit_vector),
         "outline": packed(outline(robot.footprint)),
-        "inner": inner_radius(robot.footprint),
+        "inner": robot.footprint.inner_radius,
     }
 
 

@@ -3,7 +3,7 @@
 qpavoid.lab.simulation.simulation does in Python, call by call. Qpavoid.Kernel is that of
 `export-c --wasm`; every pilot has a module of its own, whose memory goes with it.
 
-setup = {module, method, robot: {vertices, edges, limits, outline, inner}, settings by
+setup = {module, method, robot: {outlines, edges, limits, outline, inner}, settings by
          section.key, entries, sizes, choices, dt, plan (n · 5), law (9), lags, start, guided,
          lidar: whether obstacles are those that it perceives} */
 
@@ -54,7 +54,7 @@ const Pilot = (() => {
       Object.assign(this, { kernel, dt: setup.dt, lags: setup.lags, sizes: setup.sizes, how: METHODS[setup.method], tables: {} });
       this.known = recorded(setup, (section) => !["guide", "lidar", "perception"].includes(section));
       this.setup = {
-        edges: this.rows(setup.robot.edges, 5), robot: kernel.vector(setup.robot.limits), settings: kernel.record("filter_settings", this.known),
+        edges: this.rows(setup.robot.edges, 6), robot: kernel.vector(setup.robot.limits), settings: kernel.record("filter_settings", this.known),
       };
       this.radius = setup.robot.limits[8];
       this.lidar = setup.lidar ? new Lidar(kernel, setup, this.setup.edges) : null;
