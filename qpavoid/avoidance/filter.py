@@ -31,7 +31,14 @@ from qpavoid.avoidance.inputs import (
     seen_of,
     why_invalid,
 )
-from qpavoid.avoidance.plan import UNTIL, Plan, fresh_state, kept_plan, set_driven
+from qpavoid.avoidance.plan import (
+    KEPT,
+    PENDING,
+    Plan,
+    fresh_state,
+    kept_plan,
+    set_driven,
+)
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.step import (
     WORKSPACE_TOO_SMALL,
@@ -356,7 +363,8 @@ class SafetyFilter:
         horizon minus a control step for a new plan; less if an earlier one is carried
         on, as it may be for ``planned``. 0 without look-ahead.
         """
-        return float(self._engine.state[UNTIL]) if self.ahead else 0.0
+        kept = self._engine.state[:PENDING].view(KEPT)[0]
+        return float(kept.until) if self.ahead else 0.0
 
     @property
     def _last(self) -> Pair:

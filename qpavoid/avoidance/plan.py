@@ -349,20 +349,51 @@ def places_of(setup: Setup, plan: Plan, twist: Pair, tick: float) -> Array:
     return places
 
 
-PAST_V, PAST_OMEGA, PLAN_V, PLAN_OMEGA, SWITCH, THEN_V, THEN_OMEGA, END = range(8)
+class Kept(NamedTuple):
+    """State of a filter between control steps, besides the pending twists.
 
-UNTIL, TARGET_MODE, DUE, GROUP, SHARE, PENDING = range(8, 14)
+    Attributes:
+        v: m/s, driven last.
+        omega: rad/s, driven last.
+        plan_v: Its plan, see :class:`Plan`, m/s.
+        plan_omega: rad/s.
+        switch: s.
+        v_then: m/s.
+        omega_then: rad/s.
+        end: s.
+        until: Time up to which the plan is clear of moving bodies, s.
+        mode: Of the choice, see :data:`FREE`.
+        due: Control steps until the next review.
+        group: Next group of starts.
+        share: Next share of the plans.
+    """
 
+    v: float
+    omega: float
+    plan_v: float
+    plan_omega: float
+    switch: float
+    v_then: float
+    omega_then: float
+    end: float
+    until: float
+    mode: int
+    due: int
+    group: int
+    share: int
+
+
+KEPT = layout(Kept)
+PENDING = KEPT.itemsize // 8
 STATE_SIZE = PENDING + 2 * (MOST_PENDING + 1)
-"""Columns and size of the state: twist driven last; its plan, and the time up to which
-that is clear of moving bodies (s); its mode; steps until the next review, next group of
-starts, next share of the plans; the last twists, newest first: those that may be
-pending, and the one before, from which the oldest ramps."""
+"""Layout of the state, and its numbers of memory. From :data:`PENDING` on the last
+twists, newest first: those that may be pending, and the one before, from which the
+oldest ramps."""
 
 FilterState: TypeAlias = Annotated[Vector, Sizes(STATE_SIZE)]
 FilterStateWritten: TypeAlias = Annotated[VectorWritten, Sizes(STATE_SIZE)]
 
-FREE, ROUND, NEW_PLAN, CARRIED, STUCK = 0.0, 1.0, 2.0, 3.0, 4.0
+FREE, ROUND, NEW_PLAN, CARRIED, STUCK = 0, 1, 2, 3, 4
 """Modes: the desired twist, another constant one, a new plan, the rest of the last one,
 no plan that is clear of static bodies but braking."""
 
@@ -376,14 +407,13 @@ def fresh_state() -> Array:
 @compiled_once
 def kept_plan(state: FilterState) -> Plan:
     """Return the rest of the plan of the twist driven last."""
-    return Plan(
-        state[PLAN_V],
-        state[PLAN_OMEGA],
-        state[SWITCH],
-        state[THEN_V],
-        state[THEN_OMEGA],
-        state[END],
-    )
+    return plan_of(state[:PENDING].view(KEPT)[0])
+
+
+@compiled
+def plan_of(k: Kept) -> Plan:
+    """Return the rest of the last plan."""
+    return Plan(k.plan_v, k.plan_omega, k.switch, k.v_then, k.omega_then, k.end)
 
 
 @compiled_once
@@ -397,11 +427,12 @@ def keep_plan(state: Array, twist: Pair, plan: Plan, until: float, dt: float) ->
         until: Time up to which the plan is clear of moving bodies, s.
         dt: Control step, s.
     """
-    state[PAST_V], state[PAST_OMEGA] = twist
-    state[PLAN_V], state[PLAN_OMEGA] = plan.v, plan.omega
-    state[SWITCH], state[END] = max(plan.switch - dt, 0.0), max(plan.end - dt, 0.0)
-    state[THEN_V], state[THEN_OMEGA] = plan.v_then, plan.omega_then
-    state[UNTIL] = max(until - dt, 0.0)
+    kept = state[:PENDING].view(KEPT)[0]
+    kept.v, kept.omega = twist
+    kept.plan_v, kept.plan_omega = plan.v, plan.omega
+    kept.switch, kept.end = max(plan.switch - dt, 0.0), max(plan.end - dt, 0.0)
+    kept.v_then, kept.omega_then = plan.v_then, plan.omega_then
+    kept.until = max(until - dt, 0.0)
     # Newest first: the others move back by one, and the oldest is dropped.
     for i in range(STATE_SIZE - 1, PENDING + 1, -1):
         state[i] = state[i - 2]
@@ -412,7 +443,7 @@ def keep_plan(state: Array, twist: Pair, plan: Plan, until: float, dt: float) ->
 @compiled
 def set_driven(state: FilterStateWritten, v: float, omega: float) -> None:
     """Set the twist driven up to now to (v, ω)."""
-    state[PAST_V], state[PAST_OMEGA] = v, omega
+    state[0], state[1] = v, omega
     for i in range(MOST_PENDING + 1):
         state[PENDING + 2 * i], state[PENDING + 2 * i + 1] = v, omega
 

@@ -43,12 +43,9 @@ from qpavoid.avoidance.clearance import (
     passing_speed,
 )
 from qpavoid.avoidance.plan import (
-    DUE,
     FREE,
-    GROUP,
     NEW_PLAN,
     SAME_TIME,
-    TARGET_MODE,
     Arc,
     Rollout,
     Slopes,
@@ -56,7 +53,7 @@ from qpavoid.avoidance.plan import (
     braking_place,
     frame_at,
     hold,
-    kept_plan,
+    plan_of,
     roll_out,
 )
 from qpavoid.avoidance.verdict import first_target
@@ -66,7 +63,7 @@ from qpavoid.model.kinematics import TINY, Frame, moved_on
 from qpavoid.model.robot import RELATIVE_ROUNDING, clipped, within_wheels
 from qpavoid.qp.exact import A_OMEGA, A_V, ROW_OWNER, B, Optimum, Terms, solve_exactly
 from qpavoid.qp.solve import RESIDUAL_TOLERANCE
-from qpavoid.types import Array, Box, Pair, Table, layout
+from qpavoid.types import Array, Box, Pair, Row, Table, layout
 
 ROW_ROOM = 2e-3
 """m; added to r_min in the linearised rows, so that the true distance keeps r_min."""
@@ -565,7 +562,7 @@ def proposal_near(scene: Scene, query: Query, start: Pair, limit: float) -> Prop
 
 
 @compiled_once
-def best_proposal(scene: Scene, query: Query, state: Array) -> Proposal:
+def best_proposal(scene: Scene, query: Query, kept: Row) -> Proposal:
     """Return the cheapest constant twist that is clear for the horizon.
 
     The present target is refined in every step. The other starts are searched within
@@ -574,25 +571,25 @@ def best_proposal(scene: Scene, query: Query, state: Array) -> Proposal:
     none. The cost is the QP's, reduced by the hysteresis for the present target and
     increased by the cost of the change for others.
     """
-    s, target = scene.settings[0], first_target(scene, kept_plan(state))
-    best, follows = nowhere(query.desired, WHOLE, True), state[TARGET_MODE] != FREE
+    s, target = scene.settings[0], first_target(scene, plan_of(kept))
+    best, follows = nowhere(query.desired, WHOLE, True), kept.mode != FREE
     due = GROUPS if any_moves(scene) else 2
     if follows:
         best = proposal_near(scene, query, target, math.inf)
         if best.cost < math.inf:
             best = at_cost(best, best.cost * (1.0 - s.hysteresis))
-            state[DUE] -= 1.0
-            due = 0 if state[DUE] >= 0.0 else 1
-        elif state[TARGET_MODE] >= NEW_PLAN:
+            kept.due -= 1
+            due = 0 if kept.due >= 0 else 1
+        elif kept.mode >= NEW_PLAN:
             due = 1
     if best.cost == math.inf or due > 0:
-        state[DUE] = math.floor(s.review / (GROUPS * s.dt))
+        kept.due = math.floor(s.review / (GROUPS * s.dt))
     # No other start can be significantly cheaper.
     if best.cost < CHEAP:
         return best
     for _ in range(due):
-        group, limit = int(state[GROUP]), best.cost
-        state[GROUP] = (state[GROUP] + 1.0) % GROUPS
+        group, limit = int(kept.group), best.cost
+        kept.group = (kept.group + 1) % GROUPS
         for member in range(2):
             start = start_twist(query, group, member)
             found = proposal_near(scene, query, start, limit)

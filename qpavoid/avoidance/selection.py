@@ -24,18 +24,14 @@ from qpavoid.avoidance.clearance import (
 )
 from qpavoid.avoidance.plan import (
     CARRIED,
-    END,
     FREE,
     NEW_PLAN,
     ROUND,
-    SHARE,
     STUCK,
-    TARGET_MODE,
-    UNTIL,
     Plan,
     Rollout,
     hold,
-    kept_plan,
+    plan_of,
     roll_out,
     whole_steps,
 )
@@ -66,7 +62,7 @@ from qpavoid.avoidance.verdict import (
     verdict,
 )
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.types import Array, Box, Pair
+from qpavoid.types import Box, Pair, Row
 
 SWITCHES = (1.1, 0.5, 0.2)
 """s; times of the switch to the second twist, in whole control steps."""
@@ -273,7 +269,7 @@ class Choice(NamedTuple):
     """
 
     plan: Plan
-    mode: float
+    mode: int
     until: float
     margins: Margins
     proposal: Proposal
@@ -281,7 +277,7 @@ class Choice(NamedTuple):
 
 
 @compiled_once
-def select(scene: Scene, query: Query, state: Array) -> Choice:
+def select(scene: Scene, query: Query, kept: Row) -> Choice:
     """Return the plan driven, with look-ahead."""
     none = nowhere(query.desired, WHOLE, False)
     command = solved(scene, query, none, query.separating)
@@ -291,23 +287,23 @@ def select(scene: Scene, query: Query, state: Array) -> Choice:
         if plan.end > 0.0:
             return clear_choice(scene, plan, FREE, command, -1)
     owner = scene.bodies[body].owner if body >= 0 else -1
-    best = best_proposal(scene, query, state)
+    best = best_proposal(scene, query, kept)
     # Hysteresis: switching at every small gain would stall the robot.
-    dearer = is_dearer(scene, query, best, state)
-    goes_on = dearer and carries_on(scene, state)
+    dearer = is_dearer(scene, query, best, kept)
+    goes_on = dearer and carries_on(scene, kept)
     if best.cost < math.inf and not goes_on:
         plan = clear_plan(scene, best.twist)
         if plan.end > 0.0:
             return clear_choice(scene, plan, ROUND, best, owner)
-    if goes_on or (best.cost < math.inf and carries_on(scene, state)):
+    if goes_on or (best.cost < math.inf and carries_on(scene, kept)):
         clear = Margins(threshold(scene), 0.0)
-        return Choice(kept_plan(state), CARRIED, state[UNTIL], clear, none, owner)
-    return fallback(scene, query, state, owner)
+        return Choice(plan_of(kept), CARRIED, kept.until, clear, none, owner)
+    return fallback(scene, query, kept, owner)
 
 
 @compiled
 def clear_choice(
-    scene: Scene, plan: Plan, mode: float, proposal: Proposal, owner: int
+    scene: Scene, plan: Plan, mode: int, proposal: Proposal, owner: int
 ) -> Choice:
     """Return the choice of a clear plan that holds a QP's solution."""
     clear = Margins(threshold(scene), 0.0)
@@ -315,7 +311,7 @@ def clear_choice(
 
 
 @compiled_once
-def select_now(scene: Scene, query: Query, state: Array) -> Choice:
+def select_now(scene: Scene, query: Query, kept: Row) -> Choice:
     """Return the plan driven without look-ahead: the QP's twist, then braking.
 
     A solution whose braking is not clear is sought again within a trust region about
@@ -337,22 +333,22 @@ def select_now(scene: Scene, query: Query, state: Array) -> Choice:
             return clear_choice(scene, plan, ROUND, qp, -1)
         if share == math.inf:
             first = qp
-    return fallback(scene, query, state, -1)
+    return fallback(scene, query, kept, -1)
 
 
 @compiled_once
-def fallback(scene: Scene, query: Query, state: Array, owner: int) -> Choice:
+def fallback(scene: Scene, query: Query, kept: Row, owner: int) -> Choice:
     """Return the choice of a plan of two twists, of the last plan, or of braking."""
     none, least = nowhere(query.desired, WHOLE, False), margins(scene, BRAKING_PLAN)
-    choice = Choice(BRAKING_PLAN, STUCK, state[UNTIL], least, none, owner)
-    kept, horizon = kept_plan(state), scene.settings[0].horizon
-    if has_plan(scene, state):
-        other = Choice(kept, NEW_PLAN, state[UNTIL], margins(scene, kept), none, owner)
+    choice = Choice(BRAKING_PLAN, STUCK, kept.until, least, none, owner)
+    plan, horizon = plan_of(kept), scene.settings[0].horizon
+    if has_plan(scene, kept):
+        other = Choice(plan, NEW_PLAN, kept.until, margins(scene, plan), none, owner)
         choice = better_of(scene, choice, other)
     else:
-        kept = hold(0.0, 0.0, whole_steps(horizon, scene.settings[0].dt))
+        plan = hold(0.0, 0.0, whole_steps(horizon, scene.settings[0].dt))
     if any_moves(scene):
-        found = best_plan(scene, query, kept, int(state[SHARE]))
+        found = best_plan(scene, query, plan, kept.share)
         if not is_refused(found):
             least = margins(scene, found.plan)
             other = Choice(found.plan, NEW_PLAN, horizon, least, none, owner)
@@ -378,30 +374,30 @@ def better_of(scene: Scene, choice: Choice, other: Choice) -> Choice:
 
 
 @compiled_once
-def is_dearer(scene: Scene, query: Query, best: Proposal, state: Array) -> bool:
+def is_dearer(scene: Scene, query: Query, best: Proposal, kept: Row) -> bool:
     """Return whether the last plan is cheaper than the best proposal, if any.
 
     Only for a followed plan that was found within the last ``review`` seconds.
     """
     s = scene.settings[0]
-    if state[TARGET_MODE] == FREE or state[UNTIL] < s.horizon - s.review:
+    if kept.mode == FREE or kept.until < s.horizon - s.review:
         return False
-    present = cost_of(scene, query, first_target(scene, kept_plan(state)))
+    present = cost_of(scene, query, first_target(scene, plan_of(kept)))
     cost = cost_of(scene, query, best.twist)
     limit = (1.0 + s.hysteresis) * present + CHEAP
     return bool(best.cost == math.inf or cost > limit)
 
 
 @compiled_once
-def has_plan(scene: Scene, state: Array) -> bool:
+def has_plan(scene: Scene, kept: Row) -> bool:
     """Return whether the last plan has a rest other than braking."""
-    return bool(state[END] > 0.5 * scene.settings[0].dt and not is_inexact(scene))
+    return bool(kept.end > 0.5 * scene.settings[0].dt and not is_inexact(scene))
 
 
 @compiled_once
-def carries_on(scene: Scene, state: Array) -> bool:
+def carries_on(scene: Scene, kept: Row) -> bool:
     """Return whether the rest of the last plan is clear for as long as it was."""
-    until = min(state[UNTIL], scene.settings[0].horizon)
-    if until == 0.0 or not has_plan(scene, state):
+    until = min(kept.until, scene.settings[0].horizon)
+    if until == 0.0 or not has_plan(scene, kept):
         return False
-    return verdict(scene, kept_plan(state), until)
+    return verdict(scene, plan_of(kept), until)

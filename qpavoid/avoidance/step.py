@@ -43,14 +43,11 @@ from qpavoid.avoidance.decision import (
 from qpavoid.avoidance.plan import (
     ARC,
     ARC_SIZE,
-    END,
+    KEPT,
     NEW_PLAN,
-    PAST_OMEGA,
-    PAST_V,
+    PENDING,
     ROUND,
-    SHARE,
     STUCK,
-    TARGET_MODE,
     FilterStateWritten,
     Plan,
     frame_of_effect,
@@ -218,7 +215,7 @@ def new_scene(
 ) -> Scene:
     """Return the scene of a control step with so many bodies."""
     (edges, robot, settings), s = setup, setup.settings[0]
-    last, pending = (state[PAST_V], state[PAST_OMEGA]), pending_pace(settings, state)
+    last, pending = (state[0], state[1]), pending_pace(settings, state)
     longest = s.dt * (1.0 + s.jitter)
     # fmt: off
     return Scene(edges, robot, settings, space.bodies[:count], last, pending,
@@ -324,14 +321,15 @@ def filter_outcome(
         count = bodies_in_reach(scene, obstacles, age, s.horizon if ahead else 0.0)
     scene = new_scene(setup, state, space, count, clearance)
     query = query_of(scene, request, space, contacts)
+    kept = state[:PENDING].view(KEPT)[0]
     if old:
         # No plan is searched, none retained.
-        state[END] = 0.0
-        choice = fallback(scene, query, state, -1)
+        kept.end = 0.0
+        choice = fallback(scene, query, kept, -1)
     elif ahead:
-        choice = select(scene, query, state)
+        choice = select(scene, query, kept)
     else:
-        choice = select_now(scene, query, state)
+        choice = select_now(scene, query, kept)
     return driven(scene, query, choice, answer, space, state)
 
 
@@ -369,6 +367,7 @@ def driven(
 ) -> Outcome:
     """Retain the plan of a choice; return the outcome, and leave its QP in memory."""
     s, proposed = scene.settings[0], choice.proposal.cost < math.inf
+    kept = state[:PENDING].view(KEPT)[0]
     answered = not (math.isinf(answer[0]) or math.isinf(answer[1]))
     # Without a proposal: the projection of the driven twist onto the limits.
     goal = first_twist(scene, choice.plan)
@@ -383,7 +382,7 @@ def driven(
     first, second = holders(rows[: qp.m], found, choice.owner)
     failed = not (found.found and residual <= RESIDUAL_TOLERANCE)
     if failed:
-        choice, first, second = fallback(scene, query, state, -1), -1, -1
+        choice, first, second = fallback(scene, query, kept, -1), -1, -1
     elif answered and proposed:
         choice = answered_by(scene, query, choice, twist)
     twist, slack = first_twist(scene, choice.plan), 0.0
@@ -394,11 +393,11 @@ def driven(
     margin = least.moving
     if least.static < level:
         margin = min(margin, least.static)
-    state[TARGET_MODE] = choice.mode
+    kept.mode = choice.mode
     if choice.mode == ROUND:
-        state[SHARE] = 0.0
+        kept.share = 0
     elif choice.mode == NEW_PLAN or choice.mode == STUCK:
-        state[SHARE] = state[SHARE] % SHARES + 1.0
+        kept.share = kept.share % SHARES + 1
     keep_plan(state, twist, choice.plan, choice.until, s.dt)
     shortfall = -margin if margin < level else 0.0
     # fmt: off

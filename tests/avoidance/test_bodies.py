@@ -155,5 +155,6 @@ def test_the_twists_given_last_are_remembered_newest_first():
         )
     pending = state[memory.PENDING : memory.PENDING + 6].reshape(3, 2)
     assert pending.tolist() == [[0.1 * k, -0.2 * k] for k in (3, 2, 1)]
-    assert state[: memory.PLAN_V].tolist() == pending[0].tolist()
-    assert state[memory.UNTIL] == pytest.approx(0.98)
+    kept = state[: memory.PENDING].view(memory.KEPT)[0]
+    assert [kept.v, kept.omega] == pending[0].tolist()
+    assert kept.until == pytest.approx(0.98)

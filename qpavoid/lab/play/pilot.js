@@ -178,7 +178,7 @@ const Pilot = (() => {
     the one-step filter. */
     problem(desired) {
       const { kernel, setup, sizes } = this;
-      const kept = Float64Array.from(this.state.values);
+      const kept = this.state.values.slice();
       const [code] = kernel.filter_step(setup.edges, setup.robot, setup.settings, ...this.seen, 0, Boolean(this.how.ahead), ...desired, this.state, this.memory);
       this.state.values.set(kept);
       const all = this.memory.values;
@@ -228,7 +228,7 @@ const Pilot = (() => {
     peek(world, time) {
       const kept = [this.pose, this.driven, this.place, this.mode];
       const restore = this.lidar && this.lidar.keep();
-      const states = [this.state, this.stageState].map((one) => Float64Array.from(one.values));
+      const states = [this.state, this.stageState].map((one) => one.values.slice());
       const frame = this.step(world, time);
       [this.pose, this.driven, this.place, this.mode] = kept;
       [this.state, this.stageState].forEach((one, i) => one.values.set(states[i]));
