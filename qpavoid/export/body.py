@@ -55,7 +55,8 @@ class FunctionBody:
         """Return the definition, without parameters and variables never read."""
         kinds, given = self.kinds, self.parameters
         taken = [self.parameter(n) for n in given if n in self.reads]
-        head = f"static {'inline ' * inline}{self.result} {name}({', '.join(taken) or 'void'})"
+        kind = f"static {'inline ' * inline}{self.result}"
+        head = f"{kind} {name}({', '.join(taken) or 'void'})"
         top = [
             f"    {kinds[n]} {c_name(n)} = {'0' if kinds[n] in NUMBERS else '{0}'};"
             for n in self.reads - self.inline - set(given)
