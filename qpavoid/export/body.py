@@ -55,8 +55,8 @@ class FunctionBody:
         """Return the definition, without parameters and variables never read."""
         kinds, given = self.kinds, self.parameters
         taken = [self.parameter(n) for n in given if n in self.reads]
-        listed = ", ".join(taken) or "void"
-        head = f"static {'inline ' * inline}{self.result} {name}({listed})"
+        kind = f"static {'inline ' * inline}{self.result}"
+        head = f"{kind} {name}({', '.join(taken) or 'void'})"
         top = [
             f"    {declaration(kinds[n], n)} = {'0' if kinds[n] in NUMBERS else '{0}'};"
             for n in self.reads - self.inline - set(given)

@@ -66,7 +66,7 @@ def test_nothing_that_stands_is_touched_by_any_part(footprint, count, ahead, dt)
 @aheads
 @pytest.mark.parametrize("count", [8, pytest.param(300, marks=pytest.mark.slow)])
 def test_a_footprint_changes_at_rest_and_is_kept_from_then_on(count, ahead):
-    """What it grows into or over is never nearer than at that moment, or r_min."""
+    """Obstacles inside r_min of a larger one are never nearer than at that moment."""
     case, near, rng = Case("accelerations", 0.05, ahead), 0, np.random.default_rng(13)
     safety = SafetyFilter(case.robot, case.settings, ahead=ahead)
     for _ in range(count):

@@ -131,9 +131,8 @@ def make_band_program(
     room = []
     for i in range(n * near):
         k = i // near
-        there = discs[:2, i] + times[k] * discs[3:, i]
-        parts = polygon_barriers(body, poses[:, k], ca.vertcat(there, discs[2, i]))
-        room += [h + slack[k] for h in parts]
+        disc = ca.vertcat(discs[:2, i] + times[k] * discs[3:, i], discs[2, i])
+        room += [h + slack[k] for h in polygon_barriers(body, poses[:, k], disc)]
     pieces = ca.horzcat(driven, twists), ca.horzcat(twists, ca.SX.zeros(2))
     # Twists belong to the middles of their pieces, so they change over half of either;
     # the first from the twist driven, the last to rest, each over its whole piece.
