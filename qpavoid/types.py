@@ -98,16 +98,12 @@ Points: TypeAlias = Annotated[Matrix, Sizes(0, 2)]
 Discs: TypeAlias = Annotated[Matrix, Sizes(0, 5)]
 """(m, 5): x, y, radius, m, and velocity, m/s."""
 
-Capsules: TypeAlias = Annotated[Matrix, Sizes(0, 11)]
-CapsulesWritten: TypeAlias = Annotated[MatrixWritten, Sizes(0, 11)]
-"""(M, 11): see :mod:`qpavoid.model.capsules`."""
-
-ContactRows: TypeAlias = Annotated[Matrix, Sizes(0, 9)]
-ContactRowsWritten: TypeAlias = Annotated[MatrixWritten, Sizes(0, 9)]
-"""(n, 9): see :func:`qpavoid.model.contacts.contact_table`."""
+Capsules: TypeAlias = Annotated[Matrix, Sizes(0, 12)]
+CapsulesWritten: TypeAlias = Annotated[MatrixWritten, Sizes(0, 12)]
+"""(M, 12): see :mod:`qpavoid.model.capsules`."""
 
 Arrays: TypeAlias = tuple[Points, Capsules]
-"""Obstacles: points (N, 2) at rest, of radius 0, and capsules (M, 11)."""
+"""Obstacles: points (N, 2) at rest, of radius 0, and capsules (M, 12)."""
 
 ArraysWritten: TypeAlias = tuple[Annotated[MatrixWritten, Sizes(0, 2)], CapsulesWritten]
 """Obstacles as :data:`Arrays`, written."""

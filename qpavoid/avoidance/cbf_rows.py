@@ -24,18 +24,12 @@ from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.capsules import greatest_speed
 from qpavoid.model.contact import approach_row, corner_at
 from qpavoid.model.contacts import (
-    DISTANCE,
-    NORMAL_X,
-    NORMAL_Y,
-    P_X,
-    P_Y,
     ObstacleContact,
-    contact_at,
 )
 from qpavoid.model.kinematics import TINY
 from qpavoid.model.robot import braking_steps, limits_of, stopping_time
 from qpavoid.qp.exact import A_OMEGA, A_V, ROW_OWNER, B
-from qpavoid.types import Array, Box, Pair
+from qpavoid.types import Array, Box, Pair, Row, Table
 
 BARRIER = 0
 
@@ -139,14 +133,14 @@ def speed_of(contact: ObstacleContact) -> float:
 
 
 @compiled_once
-def may_be_here(contacts: Array, settings: npt.NDArray[np.void], age: float) -> bool:
+def may_be_here(contacts: Table, settings: npt.NDArray[np.void], age: float) -> bool:
     """Return whether an obstacle may have moved by more than r_min since measured.
 
     See :class:`qpavoid.avoidance.settings.Margins`.
     """
     s = settings[0]
     for k in range(contacts.shape[0] if age > 0.0 else 0):
-        c = contact_at(contacts, k)
+        c = contacts[k]
         _, wanted = wanted_distance(settings, speed_of(c), age)
         come = come_since(speed_of(c), age, s.obstacle_acceleration)
         if come > s.r_min_slow and c.distance < wanted:
@@ -203,7 +197,7 @@ def set_row(row: Array, slope: Pair, bound: float, owner: int) -> None:
 
 @compiled
 def constraint_rows(
-    contacts: Array,
+    contacts: Table,
     robot: Array,
     settings: npt.NDArray[np.void],
     box: Box,
@@ -234,7 +228,7 @@ def constraint_rows(
     # Predictions tolerate r_min − ε: only nearer obstacles need a row of the present.
     near = still[1] - tolerated(settings)
     for k in range(contacts.shape[0]):
-        c = contact_at(contacts, k)
+        c = contacts[k]
         speed = speed_of(c)
         if c.distance > s.reach or (
             ahead and (speed > SPEED_AT_REST or c.distance >= near)
@@ -325,14 +319,14 @@ def is_behind(tangent: Tangent, place: Pair, radius: float) -> bool:
 
 
 @compiled_once
-def nearest_tangent(edges: Array, contacts: Array, near: float, side: Pair) -> Tangent:
+def nearest_tangent(edges: Array, contacts: Table, near: float, side: Pair) -> Tangent:
     """Return the tangent of the nearest static contact of 0 to ``near`` m.
 
     Contacts whose normal points to the same side as ``side`` are excluded.
     """
     nearest = no_tangent(side)
     for k in range(contacts.shape[0]):
-        c = contact_at(contacts, k)
+        c = contacts[k]
         within = 0.0 < c.distance < min(near, nearest.distance)
         if within and c.v_x == 0.0 and c.v_y == 0.0:
             if c.n_x * side[0] + c.n_y * side[1] <= 0.0:
@@ -341,7 +335,7 @@ def nearest_tangent(edges: Array, contacts: Array, near: float, side: Pair) -> T
 
 
 @compiled_once
-def turn_to_walls(edges: Array, contacts: Array, near: float) -> None:
+def turn_to_walls(edges: Array, contacts: Table, near: float) -> None:
     """Replace the normals of static contacts behind the nearest tangent by its normal.
 
     The nearest tangent to either side, within ``near`` m; distances are then along its
@@ -352,17 +346,17 @@ def turn_to_walls(edges: Array, contacts: Array, near: float) -> None:
     if one.distance < math.inf:
         other = nearest_tangent(edges, contacts, near, one.normal)
         for k in range(contacts.shape[0]):
-            c = contact_at(contacts, k)
+            c = contacts[k]
             if 0.0 < c.distance < near and c.v_x == 0.0 and c.v_y == 0.0:
                 turn_to_wall(contacts[k], one)
                 turn_to_wall(contacts[k], other)
 
 
 @compiled
-def turn_to_wall(row: Array, tangent: Tangent) -> None:
+def turn_to_wall(c: Row, tangent: Tangent) -> None:
     """Replace the normal of a contact by that of a tangent in front of it."""
-    x, y, (n_x, n_y) = row[P_X], row[P_Y], tangent.normal
-    place = (x + row[DISTANCE] * row[NORMAL_X], y + row[DISTANCE] * row[NORMAL_Y])
+    x, y, (n_x, n_y) = c.x, c.y, tangent.normal
+    place = (x + c.distance * c.n_x, y + c.distance * c.n_y)
     if tangent.distance < math.inf and is_behind(tangent, place, 0.0):
-        row[NORMAL_X], row[NORMAL_Y] = n_x, n_y
-        row[DISTANCE] = n_x * (place[0] - x) + n_y * (place[1] - y)
+        c.n_x, c.n_y = n_x, n_y
+        c.distance = n_x * (place[0] - x) + n_y * (place[1] - y)

@@ -11,13 +11,14 @@ from qpavoid.avoidance.step import Outcome, no_outcome
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.model.contact import approach_row, edge_at
 from qpavoid.model.contacts import (
+    CONTACT_SIZE,
     ObstacleContact,
     contact_at,
     contact_table,
     most_contacts,
 )
 from qpavoid.model.robot import limit_twist, limits_of
-from qpavoid.types import ContactRowsWritten, Sizes, VectorWritten
+from qpavoid.types import Sizes, VectorWritten
 
 SINGULAR_LEVER = 1e-9
 """m; shorter undamped lever arms count as singular."""
@@ -83,10 +84,11 @@ def _repulsion_step_fits(
     setup: Setup,
     request: Request,
     state: Annotated[VectorWritten, Sizes(2)],
-    contacts: ContactRowsWritten,
+    contacts: VectorWritten,
 ) -> bool:
     """Return whether ``contacts`` has room for all contacts."""
-    all_fit: bool = contacts.shape[0] >= most_contacts(setup.edges, request.obstacles)
+    most = most_contacts(setup.edges, request.obstacles)
+    all_fit: bool = contacts.shape[0] >= most * CONTACT_SIZE
     return all_fit
 
 
@@ -97,7 +99,7 @@ def repulsion_step(
     setup: Setup,
     request: Request,
     state: Annotated[VectorWritten, Sizes(2)],
-    contacts: ContactRowsWritten,
+    contacts: VectorWritten,
 ) -> Outcome:
     """Return the outcome of Eq. 5 or Eq. 7; only the nearest obstacle repels.
 

@@ -77,10 +77,10 @@ from qpavoid.avoidance.verdict import first_twist, verdict
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.model.capsules import CAPSULE_WIDTH, in_robot_frame, join_walls
 from qpavoid.model.contacts import (
-    CONTACT_WIDTH,
+    CONTACT,
+    CONTACT_SIZE,
     contact_table,
     most_contacts,
-    nearest_distance,
 )
 from qpavoid.model.robot import (
     GREATEST,
@@ -118,7 +118,7 @@ class Workspace(NamedTuple):
     """Memory of a control step, as views of one array.
 
     Attributes:
-        contacts: (n, :data:`CONTACT_WIDTH`) of all obstacles.
+        contacts: Memory of the contacts of all obstacles.
         rows: Of the QP.
         bodies: In reach.
         groups: Of bodies.
@@ -178,7 +178,7 @@ def memory_size(contacts: int, settings: FilterSettings) -> int:
     tables = (many + contacts // FEW) * BODY_SIZE
     tables += most_arcs(settings) * ARC_SIZE + sides * SIDE_SIZE
     tables += (look_ticks(settings) + 1) * FRAME_SIZE
-    each = CONTACT_WIDTH + 2 + CAPSULE_WIDTH
+    each = CONTACT_SIZE + 2 + CAPSULE_WIDTH
     return int(many * each + rows * ROW_WIDTH + tables + PROBLEM_SIZE)
 
 
@@ -186,7 +186,7 @@ def memory_size(contacts: int, settings: FilterSettings) -> int:
 def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Workspace:
     """Return the memory as the tables of a step."""
     sides, arcs = most_sides(look_ticks(settings)), most_arcs(settings)
-    a = contacts * CONTACT_WIDTH
+    a = contacts * CONTACT_SIZE
     b = a + (contacts + sides + 8) * ROW_WIDTH
     d = b + contacts * BODY_SIZE
     e = d + contacts // FEW * BODY_SIZE
@@ -197,7 +197,7 @@ def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Works
     end = i + (look_ticks(settings) + 1) * FRAME_SIZE
     tables = Tables(memory[f:g].view(SIDE), memory[i:end].view(FRAME))
     return Workspace(
-        memory[:a].reshape(contacts, CONTACT_WIDTH),
+        memory[:a],
         memory[a:b].reshape(contacts + sides + 8, ROW_WIDTH),
         memory[b:d].view(BODY),
         memory[d:e].view(BODY),
@@ -312,7 +312,8 @@ def filter_outcome(
     n, nearest = contact_table(edges, radius, obstacles, reach, space.contacts)
     if nearest == -2 or not (math.isfinite(v) and math.isfinite(omega)):
         return no_outcome(INVALID)
-    clearance, contacts = nearest_distance(space.contacts, nearest), space.contacts[:n]
+    contacts = space.contacts.view(CONTACT)[:n]
+    clearance = contacts[nearest].distance if nearest >= 0 else math.inf
     barrier, age, count = s.bound == BARRIER, request.age, 0
     ahead = request.ahead and barrier
     old = barrier and may_be_here(contacts, settings, age)
@@ -335,7 +336,7 @@ def filter_outcome(
 
 @compiled_once
 def query_of(
-    scene: Scene, request: Request, space: Workspace, contacts: Array
+    scene: Scene, request: Request, space: Workspace, contacts: Table
 ) -> Query:
     """Return the problem of a step, with the rows of the present."""
     s, robot, last, age = scene.settings[0], scene.robot, scene.last, request.age

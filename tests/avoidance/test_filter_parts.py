@@ -16,7 +16,7 @@ from qpavoid.avoidance.proposals import Query, start_twist
 from qpavoid.avoidance.settings import Actuation, AvoidanceSettings, SafetyRadius
 from qpavoid.avoidance.verdict import first_twist
 from qpavoid.model.contact import Contact
-from qpavoid.model.contacts import DISTANCE, contact_table, empty_contacts
+from qpavoid.model.contacts import CONTACT, contact_table, empty_contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import braking_twist
 from rollouts import BOX, LIMITED, ROBOT, SETTINGS, rolled, scene_of, speeds, turns
@@ -72,7 +72,7 @@ def test_of_the_contacts_only_those_within_reach_are_kept():
     known = ROBOT.footprint.edges, radius, world.arrays
     assert contact_table(*known, 0.1, table) == (1, 0)
     assert contact_table(*known, 0.3, table) == (2, 0)
-    assert table[:2, DISTANCE] == pytest.approx([0.05, 0.2])
+    assert table.view(CONTACT)["distance"][:2] == pytest.approx([0.05, 0.2])
 
 
 def test_the_first_twist_of_a_plan_of_one_step_is_that_of_the_plan():

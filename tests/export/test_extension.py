@@ -34,6 +34,7 @@ from qpavoid.guide.state import ACTION, COUNT, WAY
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.model.contacts import CONTACT_SIZE
 from qpavoid.stamps import PACKAGE
 
 HOOK = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]
@@ -214,19 +215,18 @@ def test_every_array_of_every_entry_is_checked(native, name):
                     call(*given_for(entry, i, short))
 
 
-EDGES, TABLE = Robot.mir100().footprint.edges, np.zeros((3, 9))
-WORLD = np.zeros((2, 2)), np.zeros((1, 11))
+EDGES, TABLE = Robot.mir100().footprint.edges, np.zeros(3 * CONTACT_SIZE)
+WORLD = np.zeros((2, 2)), np.zeros((1, 12))
 BEAMS, POSE, NONE = np.ones((4, 2)), (0.0, 0.0, 0.0), np.zeros((0, 4))
 UNFITTING = {
     "contact_at": [(TABLE, 3), (TABLE, -1), (TABLE[:0], 0)],
-    "nearest_distance": [(TABLE, 3)],
     "has_length": [(WORLD[1], 1), (WORLD[1], -1)],
-    "contact_table": [(EDGES, 0.5, WORLD, 1.0, TABLE[:2].copy())],
+    "contact_table": [(EDGES, 0.5, WORLD, 1.0, TABLE[: 2 * CONTACT_SIZE].copy())],
     "in_robot_frame": [(POSE, 0.0, WORLD, (WORLD[0], WORLD[1][:0]))],
     "fill_capsules": [
         (0, np.ones((1, 3)), BEAMS[:0], NONE, BEAMS, BEAMS, NONE, WORLD[1]),
         (0, np.ones((2, 3)), BEAMS, NONE, BEAMS, BEAMS, NONE, WORLD[1]),
-        (0, NONE, BEAMS, NONE, BEAMS, BEAMS[:3], -np.ones((1, 4)), np.ones((9, 11))),
+        (0, NONE, BEAMS, NONE, BEAMS, BEAMS[:3], -np.ones((1, 4)), np.ones((9, 12))),
     ],
     "row_at": [(np.ones((3, 5)), place) for place in (-1.0, np.nan, 1e300)],
     "waiting_reference": [(np.ones((3, 5)), np.inf, POSE, POSE)],

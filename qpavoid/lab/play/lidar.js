@@ -11,7 +11,7 @@ keep() -> restore()                for steps that are not taken */
 
 const Lidar = (() => {
   const SOON = 1e-9;  // s; tolerance of a tick for rounding
-  const DISC = 11;  // columns of a capsule
+  const DISC = 12;  // columns of a capsule
 
   const placed = ([x, y, heading], [ahead, left, turned]) => {
     const [c, s] = [Math.cos(heading), Math.sin(heading)];

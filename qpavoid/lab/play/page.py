@@ -34,6 +34,7 @@ from qpavoid.lab.simulation.scenario import Scenario, make_scenario
 from qpavoid.lab.simulation.schema import Preset
 from qpavoid.lab.simulation.tables import UNITS, attributes_of
 from qpavoid.model.capsules import TURN, V_X, X1, Y1
+from qpavoid.model.contacts import CONTACT_SIZE
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.perception import settings as perceived
 from qpavoid.perception.local_map import CELL as MAP_CELL
@@ -88,6 +89,7 @@ SIZES = {
     "state": len(fresh_state()),
     "stage": fresh_stage().tolist(),
     "body": BODY_SIZE,
+    "contact": CONTACT_SIZE,
     "ahead": ROWS,
     "tick": TICK,
     "cell": CELL,

@@ -12,7 +12,7 @@ const Pilot = (() => {
     eq5: { law: 5 }, eq7: { law: 7 }, qp: { ahead: false }, "qp-repulsion": { ahead: false, bound: "repulsion" },
     "qp-ahead": { ahead: true }, "qp-ahead+guide": { ahead: true, guided: true },
   };
-  const WIDTHS = { points: 2, capsules: 12, contacts: 9, discs: 3, speeds: 2, walls: 4, rest: 2, corners: 2, polygons: 4 };
+  const WIDTHS = { points: 2, capsules: 12, discs: 3, speeds: 2, walls: 4, rest: 2, corners: 2, polygons: 4 };
   const [A_V, A_OMEGA, B, OWNER, ROW] = [0, 1, 2, 3, 9];  // columns of a row of the QP, and how many there are
   const [RADIUS, V_X] = [4, 5];  // columns of a capsule
 
@@ -136,7 +136,7 @@ const Pilot = (() => {
         this.seen = this.lidar.obstacles(this.pose, time);
       }
       const [most, there] = [this.seen, this.there].map((seen) => kernel.most_contacts(this.setup.edges, seen));
-      this.contacts = this.table("contacts", Math.max(most, there));
+      this.contacts = this.table("contacts", this.sizes.contact * Math.max(most, there), 1);
       const size = kernel.memory_size(most, this.setup.settings);
       if (this.memory.rows < size) {
         kernel.free(this.memory);
@@ -185,7 +185,7 @@ const Pilot = (() => {
       const most = kernel.most_contacts(setup.edges, this.seen);
       const end = kernel.memory_size(most, setup.settings);
       const [m, , ...terms] = code < 0 ? [0, 0, 0, 0, 0, 0, 0, 0] : all.subarray(end - sizes.problem, end);
-      const begin = WIDTHS.contacts * most;
+      const begin = this.sizes.contact * most;
       const planes = [];
       for (let i = 0; i < m; i++) {
         const row = all.subarray(begin + ROW * i, begin + ROW * (i + 1));
