@@ -365,7 +365,7 @@ class Kept(NamedTuple):
         omega_then: rad/s.
         end: s.
         until: Time up to which its margins of moving bodies were checked, s.
-        mode: Of the choice, see :data:`COMMANDED`.
+        mode: Of the choice, see :data:`AS_COMMANDED`.
         due: Control steps until the next review.
         group: Next group of starts.
         third: Third of the plans that is searched next; 0: all.
@@ -396,7 +396,7 @@ oldest ramps."""
 FilterState: TypeAlias = Annotated[Vector, Sizes(STATE_SIZE)]
 FilterStateWritten: TypeAlias = Annotated[VectorWritten, Sizes(STATE_SIZE)]
 
-COMMANDED, PROPOSED, SEARCHED, CARRIED, BRAKED = 0, 1, 2, 3, 4
+AS_COMMANDED, PROPOSED, SEARCHED, CARRIED, BRAKED = 0, 1, 2, 3, 4
 """Modes, how a plan was found: the command; a QP's proposal; the best one of a search
 of plans of two twists; the rest of the last plan; braking, the best one of the
 fallback."""

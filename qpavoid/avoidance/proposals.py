@@ -43,7 +43,7 @@ from qpavoid.avoidance.margin import (
     violation_of,
 )
 from qpavoid.avoidance.plan import (
-    COMMANDED,
+    AS_COMMANDED,
     SAME_TIME,
     SEARCHED,
     Arc,
@@ -573,7 +573,7 @@ def best_proposal(scene: Scene, query: Query, kept: Row) -> Proposal:
     increased by the cost of the change for others.
     """
     s, target = scene.settings[0], first_target(scene, plan_of(kept))
-    best, follows = unsolved(query.desired, WHOLE, True), kept.mode != COMMANDED
+    best, follows = unsolved(query.desired, WHOLE, True), kept.mode != AS_COMMANDED
     due = GROUPS if any_moves(scene) else 2
     if follows:
         best = proposal_near(scene, query, target, math.inf)

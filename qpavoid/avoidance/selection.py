@@ -28,7 +28,7 @@ from qpavoid.avoidance.margin import (
 from qpavoid.avoidance.plan import (
     BRAKED,
     CARRIED,
-    COMMANDED,
+    AS_COMMANDED,
     PROPOSED,
     SEARCHED,
     Plan,
@@ -288,7 +288,7 @@ def select(scene: Scene, query: Query, kept: Row) -> Choice:
     if body < 0:
         plan = clear_plan(scene, command.twist)
         if plan.end > 0.0:
-            return clear_choice(scene, plan, COMMANDED, horizon, command, -1)
+            return clear_choice(scene, plan, AS_COMMANDED, horizon, command, -1)
     owner = scene.bodies[body].owner if body >= 0 else -1
     best = best_proposal(scene, query, kept)
     # Hysteresis: switching at every small gain would stall the robot.
@@ -383,7 +383,7 @@ def last_is_cheaper(scene: Scene, query: Query, best: Proposal, kept: Row) -> bo
     Only for a followed plan that was found within the last ``review`` seconds.
     """
     s = scene.settings[0]
-    if kept.mode == COMMANDED or kept.until < s.horizon - s.review:
+    if kept.mode == AS_COMMANDED or kept.until < s.horizon - s.review:
         return False
     present = cost_of(scene, query, first_target(scene, plan_of(kept)))
     cost = cost_of(scene, query, best.twist)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 
 from qpavoid.avoidance import bodies as table
-from qpavoid.avoidance import clearance as broad
+from qpavoid.avoidance import margin as broad
 from qpavoid.avoidance import proposals as lin
 from qpavoid.avoidance.bodies import FEW, MOST_GROUPED, threshold, tolerance
 from qpavoid.avoidance.filter import SafetyFilter
@@ -110,7 +110,7 @@ def test_no_answer_depends_on_groups(robot, seed):
     tables = []
     for one in (scene, plain):
         ticks = look_ticks(SETTINGS.record())
-        sides = np.zeros(lin.most_predicted(ticks), lin.SIDE)
+        sides = np.zeros(lin.most_predicted(ticks), lin.PREDICTED)
         frames = np.zeros(ticks + 1, lin.FRAME)
         lin.predict_contacts(one, rollout, lin.Tables(sides, frames))
         tables.append(sides)

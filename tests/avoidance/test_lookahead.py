@@ -38,7 +38,7 @@ DT, MANY = SETTINGS.dt, max(1, round(SETTINGS.ahead.tick / SETTINGS.dt))
 def tables():
     ticks = look_ticks(SETTINGS.record())
     sides = lin.most_predicted(ticks)
-    tables = Tables(np.zeros(sides, lin.SIDE), np.zeros(ticks + 1, lin.FRAME))
+    tables = Tables(np.zeros(sides, lin.PREDICTED), np.zeros(ticks + 1, lin.FRAME))
     return tables, np.full((sides + 8, 9), np.nan)
 
 
@@ -73,12 +73,12 @@ def test_rows_are_the_gradients_of_the_true_rooms(robot, seed, v, omega):
     (made, rows), about = tables(), (v, omega)
     rollout = rollout_of(scene, about)
     count = lin.linearised_rows(scene, rollout, NOBODY_MET, made, rows)
-    used = [side for side in made.sides if side.room < lin.ROW_WITHIN]
+    used = [side for side in made.predicted if side.margin < lin.ROW_WITHIN]
     assert count == len(used)
     around = [(v - h, omega), (v + h, omega), (v, omega - h), (v, omega + h)]
     shifted = [rollout_of(scene, twist) for twist in around]
     for side, row in zip(used, rows[:count], strict=True):
-        time, spare = side.time, side.room
+        time, spare = side.time, side.margin
         owner = scene.bodies[side.body].owner
         assert row[3] == owner
         right = row[:2] @ about + lin.ROW_ROOM - spare
@@ -109,7 +109,7 @@ def test_who_stays_too_near_gets_a_row(robot, seed, v, omega):
     scene = scene_of(robot, mixed(rng), rng.uniform([-0.5, -1], [0.5, 1]))
     (made, _), rollout = tables(), rollout_of(scene, (v, omega))
     lin.predict_contacts(scene, rollout, made)
-    spares, tick = made.sides["room"], SETTINGS.ahead.tick
+    spares, tick = made.predicted["margin"], SETTINGS.ahead.tick
     for body in scene.bodies:
         ticks = range(1, round(horizon(body) / tick) + 1)
         rooms = [room(scene, rollout, body, k * tick, corners) for k in ticks]
