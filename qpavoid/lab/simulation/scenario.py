@@ -312,7 +312,7 @@ def make_robot(model: schema.RobotModel) -> Robot:
     chosen = replace(preset.limits, **values(Limits, model))
     if model.footprint_m is None:
         return Robot(preset.name, preset.footprint, chosen)
-    polygons = model.footprint_m
+    polygons: list[Any] = model.footprint_m
     if not any(isinstance(x, list) for x in polygons):
         polygons = [polygons]
     return Robot("custom", Footprint.union(polygons), chosen)
