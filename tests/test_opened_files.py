@@ -12,7 +12,7 @@ import zlib
 import numpy as np
 import pytest
 
-from minimal import STATION
+from minimal import MINIMAL
 from qpavoid import files
 from qpavoid.cli import main
 from qpavoid.errors import (
@@ -21,8 +21,8 @@ from qpavoid.errors import (
     QPAvoidError,
     UnknownNameError,
 )
-from qpavoid.lab.simulation.config import find_config
-from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.scenario.config import find_config
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.worlds import dynabarn
 from qpavoid.lab.worlds.carmen import read_scans
 from qpavoid.lab.worlds.map_server import read_image, read_map
@@ -293,7 +293,7 @@ def elsewhere(tmp_path, scenario):
 @pytest.mark.parametrize("name", ["../there.csv", "link.csv", "{}/there.csv"])
 def test_a_scenario_leads_nowhere_else(elsewhere, scenario, name, monkeypatch, capsys):
     monkeypatch.delenv(files.TRUST, raising=False)
-    path = scenario(POINTS.format(name.format(elsewhere)), STATION)
+    path = scenario(POINTS.format(name.format(elsewhere)), MINIMAL)
     with pytest.raises(DataError, match=r"leads out of .*--trust-paths"):
         load_scenario(path)
     assert main(["check", str(path)]) == 1
@@ -327,7 +327,7 @@ def test_names_that_no_file_has(scenario, name):
 
 def test_a_study_leads_nowhere_else(elsewhere, scenario, capsys, monkeypatch):
     monkeypatch.delenv(files.TRUST, raising=False)
-    scenario("", STATION)
+    scenario("", MINIMAL)
     study = elsewhere / "here" / "below" / "study.toml"
     study.parent.mkdir()
     study.write_text(

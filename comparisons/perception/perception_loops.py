@@ -26,7 +26,7 @@ from perception_scenes import (
     walk_line,
 )
 from qpavoid.lab.sensing.lidar import LidarSettings
-from qpavoid.lab.simulation.simulation import scanner
+from qpavoid.lab.simulation.loop import scanner
 from qpavoid.model.contacts import clearance_of
 from qpavoid.model.kinematics import integrate
 from qpavoid.model.obstacles import Obstacles

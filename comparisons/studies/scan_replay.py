@@ -23,7 +23,7 @@ import numpy as np
 
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.errors import QPAvoidError
-from qpavoid.lab.simulation.methods import check_methods, make_controller
+from qpavoid.lab.scenario.methods import check_methods, make_controller
 from qpavoid.lab.simulation.outcome import differs
 from qpavoid.lab.study.replay import PIONEER
 from qpavoid.lab.study.tables import write_csv

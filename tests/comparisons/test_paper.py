@@ -16,8 +16,8 @@ import statements
 from calibrations import Calibration
 from measures import STRENGTHS, by_strength, circle_about, entered, left
 from places import COMPARISONS, ROOT
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.compare import COLUMNS, cell
 from qpavoid.lab.study.metrics import metrics
 

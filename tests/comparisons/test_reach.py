@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from qpavoid.errors import DataError
-from qpavoid.lab.simulation.world import ABSENT, Track
+from qpavoid.lab.scenario.world import ABSENT, Track
 from qpavoid.lab.worlds import barn, map_server
 
 pytest.importorskip("pyarrow", reason="needs qpavoid[study]")

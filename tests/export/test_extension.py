@@ -31,9 +31,9 @@ from qpavoid.export.entries import records_in, shape_of
 from qpavoid.export.extension import build_extension, extension_text
 from qpavoid.guide.stage import GuideStage, Tracking, fresh_stage, stage_memory
 from qpavoid.guide.state import ACTION, COUNT, WAY
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.stamps import PACKAGE
 
 HOOK = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]
@@ -382,7 +382,7 @@ from dataclasses import replace
 from pathlib import Path
 from qpavoid import load_scenario
 from qpavoid.cli import main
-from qpavoid.lab.simulation.methods import REGISTRY
+from qpavoid.lab.scenario.methods import REGISTRY
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.run import run
 one = replace(load_scenario(sys.argv[1]), duration=0.1)

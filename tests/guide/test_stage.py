@@ -14,7 +14,7 @@ from qpavoid.guide.room import inner_radius
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.guide.stage import GuideStage, Tracking
 from qpavoid.guide.state import PROGRESS, Progress
-from qpavoid.lab.simulation.methods import make_controller
+from qpavoid.lab.scenario.methods import make_controller
 from qpavoid.model.kinematics import arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot

@@ -14,10 +14,10 @@ from gymnasium.spaces import Box
 
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.errors import InvalidInputError
+from qpavoid.lab.scenario.scenario import Scenario
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
+from qpavoid.lab.simulation.loop import Sensor, Simulation, make_sensor
 from qpavoid.lab.simulation.outcome import Goal
-from qpavoid.lab.simulation.scenario import Scenario
-from qpavoid.lab.simulation.simulation import Sensor, Simulation, make_sensor
 from qpavoid.lab.study.sweep.job import find_scene
 from qpavoid.lab.study.sweep.sources import scenario_file
 from qpavoid.lab.worlds.scenes import ScenarioFile

@@ -8,7 +8,8 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 
 from qpavoid.avoidance.decision import STATUSES
-from qpavoid.lab.simulation.log import NO_BACK_END, Log
+from qpavoid.lab.scenario.methods import NO_BACK_END
+from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.outcome import finite, outcome_of, verdict
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.types import Array

@@ -19,8 +19,8 @@ from qpavoid.lab.baselines.orca import (
     half_planes,
     violation,
 )
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.metrics import metrics
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import limit_twist

@@ -8,9 +8,9 @@ import pytest
 
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.errors import InvalidInputError, MissingExtraError, UnknownNameError
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.outcome import outcome_of
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from scenario_files import CROSSING, SLOW

@@ -28,8 +28,8 @@ from qpavoid.lab.play.page import (
     write_page,
 )
 from qpavoid.lab.play.program import Program, program
+from qpavoid.lab.scenario.scenario import load_scenario, make_scenario
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario, make_scenario
 
 without_program = pytest.mark.skipif(
     not (zig() or programs.BUILT.is_dir()),

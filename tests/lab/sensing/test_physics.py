@@ -11,10 +11,10 @@ pytest.importorskip("mujoco", reason="needs qpavoid[mujoco]")
 
 from minimal import MINIMAL, problems, write
 from qpavoid.errors import InvalidInputError, MissingExtraError
+from qpavoid.lab.scenario.config import changed, find_config, read_document
+from qpavoid.lab.scenario.scenario import load_scenario, make_scenario
 from qpavoid.lab.sensing.physics import JACKAL, Patch, Physics, PhysicsRun
-from qpavoid.lab.simulation.config import changed, find_config, read_document
 from qpavoid.lab.simulation.run import run, run_fleet
-from qpavoid.lab.simulation.scenario import load_scenario, make_scenario
 from qpavoid.lab.study.metrics import metrics
 from qpavoid.model.kinematics import arc, integrate, wrap_angle
 

@@ -8,10 +8,10 @@ import pytest
 from minimal import problems, write
 from outlines import outlines
 from qpavoid.errors import InvalidInputError
-from qpavoid.lab.simulation.config import builtin_configs
+from qpavoid.lab.scenario.config import builtin_configs
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.outcome import OUTCOME, outcome_of, verdict, worst_of
 from qpavoid.lab.simulation.run import RobotObstacle, among, run, run_fleet
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import integrate, to_world
 from qpavoid.model.obstacles import Obstacles

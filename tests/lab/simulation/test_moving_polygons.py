@@ -13,9 +13,9 @@ from qpavoid.lab.baselines.drive import line_points, wide_discs, wide_lines
 from qpavoid.lab.baselines.mppi import Judgement, depth_within
 from qpavoid.lab.baselines.orca import by_motion
 from qpavoid.lab.planning.grid import Grid
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.model.capsules import CAPSULE_WIDTH, RADIUS, X1, Y2
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import to_world

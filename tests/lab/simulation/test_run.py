@@ -10,6 +10,7 @@ import pytest
 from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import DataError
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.clearance import (
     Motion,
     View,
@@ -18,7 +19,6 @@ from qpavoid.lab.simulation.clearance import (
 )
 from qpavoid.lab.simulation.log import COLUMNS, Log
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.metrics import metrics
 from qpavoid.model.capsules import greatest_speed, like
 from qpavoid.model.contacts import empty_contacts

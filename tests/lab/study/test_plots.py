@@ -12,8 +12,8 @@ from matplotlib.patches import Polygon
 from PIL import Image
 
 from qpavoid.errors import InvalidInputError
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study import plots
 from qpavoid.lab.study.metrics import metrics
 from qpavoid.lab.study.scene import decisive_step, draw_run, middles, view_box

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from qpavoid.errors import DataError
-from qpavoid.lab.simulation.scenario import make_scenario
+from qpavoid.lab.scenario.scenario import make_scenario
 from qpavoid.lab.study.sweep.job import Job, run_job
 from qpavoid.lab.worlds.crowd import (
     Crowd,

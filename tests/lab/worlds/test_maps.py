@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from qpavoid.errors import DataError
-from qpavoid.lab.simulation.scenario import load_scenario, make_scenario
+from qpavoid.lab.scenario.scenario import load_scenario, make_scenario
 from qpavoid.model.contacts import Contacts
 
 pytest.importorskip("tcod", reason="needs qpavoid[baselines]")

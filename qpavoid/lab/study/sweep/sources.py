@@ -10,15 +10,15 @@ from pydantic import Discriminator, Field, Tag, create_model
 
 from qpavoid.errors import ConfigError
 from qpavoid.files import below
-from qpavoid.lab.load import load_object
-from qpavoid.lab.simulation.config import (
+from qpavoid.lab.scenario.config import (
     changed,
     config_folder,
     find_config,
     read_document,
 )
-from qpavoid.lab.simulation.scenario import make_scenario
-from qpavoid.lab.simulation.tables import Natural, Place, Strict, keys_of, read
+from qpavoid.lab.scenario.keys import Natural, Place, Strict, keys_of, read
+from qpavoid.lab.scenario.plug_ins import load_object
+from qpavoid.lab.scenario.scenario import make_scenario
 from qpavoid.lab.worlds.barn import BarnWorlds
 from qpavoid.lab.worlds.crowd import Crowd
 from qpavoid.lab.worlds.dynabarn import DynaBarn

@@ -9,15 +9,15 @@ import pytest
 
 from places import ROOT
 from qpavoid.cli import main
-from qpavoid.lab.simulation.config import builtin_configs
-from qpavoid.lab.simulation.schema import ScenarioModel
+from qpavoid.lab.scenario.config import builtin_configs
+from qpavoid.lab.scenario.schema import ScenarioModel
 from qpavoid.lab.study.sweep.study import StudyModel
 
 sys.path.append(str(ROOT / "docs"))
 from keys import key_tables
 
 MODELS = (ScenarioModel, StudyModel)
-KEYS = json.loads((ROOT / "tests/lab/simulation/keys.json").read_text())
+KEYS = json.loads((ROOT / "tests/lab/scenario/keys.json").read_text())
 """Keys and defaults of scenario files, kept by hand."""
 
 

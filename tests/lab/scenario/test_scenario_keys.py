@@ -4,7 +4,7 @@ import pytest
 
 from minimal import MINIMAL, problems, write
 from qpavoid.avoidance.settings import AvoidanceSettings, Margins
-from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.model.robot import Limits, Robot
 
 

@@ -6,7 +6,7 @@ asks for. A method of a user is ``module:Name``.
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from importlib import import_module
@@ -24,18 +24,21 @@ from qpavoid.avoidance.controllers import (
 )
 from qpavoid.avoidance.decision import Decision
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.errors import InvalidInputError, UnknownNameError
+from qpavoid.errors import ConfigError, InvalidInputError, UnknownNameError
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.baselines.drive import Command, stepping
-from qpavoid.lab.load import load_object, source_of
 from qpavoid.lab.planning.grid import SEARCHES
-from qpavoid.lab.simulation.log import CLOSED_FORM, ITS_OWN
-from qpavoid.lab.simulation.scenario import Scenario
+from qpavoid.lab.scenario.plug_ins import load_object, source_of
+from qpavoid.lab.scenario.scenario import Scenario
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
+from qpavoid.qp.solve import find_back_end
 from qpavoid.types import Twist
 
 Factory: TypeAlias = Callable[..., Controller]
+
+NO_BACK_END = CLOSED_FORM, ITS_OWN = "closed form", "its own"
+"""Solver in tables of Eq. 5 and Eq. 7, and of a baseline."""
 
 
 class Entry(NamedTuple):
@@ -218,6 +221,39 @@ def solver_of(name: Any, solver: str) -> str:
     return ITS_OWN if entry is None else entry.solver or solver
 
 
+def with_back_end(name: str) -> tuple[str, str]:
+    """Return controller and back end of ``qp``, ``qp:casadi:daqp``, ``module:Name``.
+
+    Raises:
+        UnknownNameError: No such controller or back end.
+        ConfigError: The controller has no QP, or is one's own and cannot be loaded.
+    """
+    controller, _, solver = name.partition(":")
+    try:
+        find_method(controller)
+    except UnknownNameError:
+        if not solver:
+            raise
+        find_method(name)
+        return name, "exact"
+    if solver and solver_of(controller, solver) != solver:
+        raise ConfigError([f"{name}: {controller} has no QP, so no back end"])
+    find_back_end(solver or "exact")
+    return controller, solver or "exact"
+
+
+def labelled(run: Mapping[str, Any], label: str = "") -> str:
+    """Return the label of a run's method, with its back end unless default or none.
+
+    Args:
+        run: Row or metadata, with controller and solver.
+        label: Of the method; empty: its name.
+    """
+    plain = run.get("solver") in (None, "exact", *NO_BACK_END)
+    method = label or str(run["controller"])
+    return method if plain else f"{method} ({run['solver']})"
+
+
 def missing_extra(name: str) -> str:
     """Return the extra that a method of the package lacks here; empty: it has all."""
     entry = REGISTRY.get(name)
@@ -246,10 +282,11 @@ def make_controller(
     Raises:
         InvalidInputError: It is no name and nothing that could drive, or one with a
             planner or stage, which a run has and a controller has not.
-        UnknownNameError: None of that name; the message lists them.
+        UnknownNameError: None of that name, or no such back end; lists them.
         MissingExtraError: It needs a package that is not installed.
         ConfigError: One of one's own cannot be loaded.
     """
+    find_back_end(solver)
     if not isinstance(name, str):
         return own_controller(name_of(name), name, robot, settings)
     entry = find_entry(name)

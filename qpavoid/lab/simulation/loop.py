@@ -12,6 +12,8 @@ from qpavoid.guide.guide import PathTracking
 from qpavoid.guide.stage import GuideStage, Tracking
 from qpavoid.guide.state import Progress
 from qpavoid.lab.planning.planner import Planner, PlanningProblem, standing
+from qpavoid.lab.scenario.methods import find_method, make_controller
+from qpavoid.lab.scenario.scenario import AT_LAST, Scenario
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.sensing.localisation import Locate
 from qpavoid.lab.sensing.physics import Physics
@@ -23,9 +25,7 @@ from qpavoid.lab.simulation.clearance import (
     room_on_the_way,
 )
 from qpavoid.lab.simulation.log import LogRow
-from qpavoid.lab.simulation.methods import find_method, make_controller
 from qpavoid.lab.simulation.outcome import differs
-from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.model.capsules import PIVOT_X, V_X, V_Y, X1, X2, Y1, greatest_speed, like
 from qpavoid.model.contacts import contact_at, contact_table, empty_contacts
 from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
@@ -34,7 +34,6 @@ from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import GREATEST, Robot, limit_twist, limits_of
 from qpavoid.perception.perception import Perception
 from qpavoid.perception.settings import PerceptionSettings
-from qpavoid.qp.solve import find_back_end
 from qpavoid.tracking.kanayama import tracking_error
 from qpavoid.types import Array, Pose, Twist
 
@@ -232,7 +231,6 @@ class Simulation:
     def __init__(
         self, scenario: Scenario, controller: Any, solver: str = "exact"
     ) -> None:
-        find_back_end(solver)
         found = find_method(controller)
         scenario = found.adapt(scenario)
         robot, settings = scenario.robot, scenario.settings

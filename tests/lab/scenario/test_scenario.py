@@ -8,8 +8,8 @@ import pytest
 
 from minimal import MINIMAL, problems, write
 from qpavoid.errors import ConfigError, DataError, UnknownNameError
-from qpavoid.lab.simulation.config import builtin_configs, find_config
-from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.scenario.config import builtin_configs, find_config
+from qpavoid.lab.scenario.scenario import load_scenario
 
 
 def test_shipped_scenarios_are_listed_and_valid(data_folder):

@@ -9,10 +9,10 @@ import pytest
 import qpavoid as qp
 from qpavoid.avoidance.decision import STATUSES, Status
 from qpavoid.errors import ConfigError, InvalidInputError, UnknownNameError
-from qpavoid.lab.simulation import methods
-from qpavoid.lab.simulation.methods import find_entry, find_method, own_file
+from qpavoid.lab.scenario import methods
+from qpavoid.lab.scenario.methods import find_entry, find_method, own_file
+from qpavoid.lab.scenario.scenario import make_scenario
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import make_scenario
 
 MODULE = '''
 """Things of a user."""

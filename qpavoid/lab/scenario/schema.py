@@ -8,11 +8,7 @@ from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.planning.planner import PlannerSettings
-from qpavoid.lab.sensing.lidar import LidarSettings
-from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
-from qpavoid.lab.sensing.physics import Patch, Physics
-from qpavoid.lab.sensing.plant import Plant
-from qpavoid.lab.simulation.tables import (
+from qpavoid.lab.scenario.keys import (
     Finite,
     Natural,
     NotNegative,
@@ -25,6 +21,10 @@ from qpavoid.lab.simulation.tables import (
     ordered,
     with_tables,
 )
+from qpavoid.lab.sensing.lidar import LidarSettings
+from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
+from qpavoid.lab.sensing.physics import Patch, Physics
+from qpavoid.lab.sensing.plant import Plant
 from qpavoid.model.estimate import EstimatorSettings
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits

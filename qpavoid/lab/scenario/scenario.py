@@ -15,15 +15,14 @@ from qpavoid.errors import ConfigError, InvalidInputError
 from qpavoid.files import below
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.planning.planner import PlannerSettings
+from qpavoid.lab.scenario import schema
+from qpavoid.lab.scenario.config import find_config, read_document, validated
+from qpavoid.lab.scenario.keys import read, values
+from qpavoid.lab.scenario.world import Pushed, Track, World
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
 from qpavoid.lab.sensing.physics import Patch, Physics
 from qpavoid.lab.sensing.plant import Plant
-from qpavoid.lab.simulation import schema
-from qpavoid.lab.simulation.config import find_config, read_document, validated
-from qpavoid.lab.simulation.outcome import SETTLED
-from qpavoid.lab.simulation.tables import read, values
-from qpavoid.lab.simulation.world import Pushed, Track, World
 from qpavoid.lab.worlds.barn import START, find_folder, read_path, read_world
 from qpavoid.lab.worlds.map_server import find_map, read_map
 from qpavoid.lab.worlds.points import read_points
@@ -118,7 +117,7 @@ class Scenario:
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     seed: int = 0
     ends_at_goal: bool = False
-    settled: float = SETTLED
+    settled: float = 1.0
     arrival: tuple[float, float] = (0.1, 0.1)
     frames: tuple[float, ...] = ()
     digest: str = ""

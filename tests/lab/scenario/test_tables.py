@@ -9,12 +9,12 @@ from minimal import MINIMAL, write
 from qpavoid.errors import ConfigError
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.planning.planner import PlannerSettings
+from qpavoid.lab.scenario.config import validated
+from qpavoid.lab.scenario.scenario import load_scenario
+from qpavoid.lab.scenario.schema import ScenarioModel
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
 from qpavoid.lab.sensing.plant import Plant
-from qpavoid.lab.simulation.config import validated
-from qpavoid.lab.simulation.scenario import load_scenario
-from qpavoid.lab.simulation.schema import ScenarioModel
 from qpavoid.lab.study.sweep.study import StudyModel
 from qpavoid.model.estimate import EstimatorSettings
 from qpavoid.perception.settings import PerceptionSettings
