@@ -53,13 +53,13 @@ def test_four_columns_are_frame_id_and_place(tmp_path):
 @pytest.mark.parametrize(
     "text, error",
     [
-        ("0 1 0 0 0 0 0 0\n0 1 1 0 0 0 0 0", ":2: id 1 is at frame 0 twice"),
-        ("0 1 nan 0 0 0 0 0", ":1: a number is not finite"),
-        ("0 1 0 0 0 0 0", ":1: 8 or 4 columns are wanted, not 7"),
-        ("0 1 0 0 0 0 0 0\n9 1 0 0", ":2: 8 columns are wanted, not 4"),
-        ("0 1 0 0 0 0 0 x", ":1: could not convert"),
-        ("0 1.5 0 0 0 0 0 0", ":1: the id 1.5 is not a whole number"),
-        ("\n", "holds no track"),
+        ("0 1 0 0 0 0 0 0\n0 1 1 0 0 0 0 0", "row 2: an id is at one frame twice"),
+        ("0 1 nan 0 0 0 0 0", "row 1: a number is not finite"),
+        ("0 1 0 0 0 0 0", "holds no rows of 4 or 8 columns"),
+        ("0 1 0 0 0 0 0 0\n9 1 0 0", "the number of columns changed from 8 to 4"),
+        ("0 1 0 0 0 0 0 x", "could not convert"),
+        ("0 1.5 0 0 0 0 0 0", "row 1: the id is not a whole number"),
+        ("\n", "holds no rows"),
     ],
 )
 def test_damaged_tracks(tmp_path, text, error):
