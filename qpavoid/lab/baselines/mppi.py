@@ -7,9 +7,9 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from qpavoid.avoidance.controllers import Step, StepContext
-from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled_once, entry, entry_if
 from qpavoid.lab.baselines.drive import (
+    Baseline,
     Command,
     out_of_reach,
     reference_ahead,
@@ -24,7 +24,7 @@ from qpavoid.model.capsules import RADIUS, Segment, capsule_at, from_segment
 from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Robot, limit_twist, limits_of
+from qpavoid.model.robot import limit_twist, limits_of
 from qpavoid.types import (
     Array,
     Capsules,
@@ -51,7 +51,7 @@ CONTACT = 1e3
 
 
 @dataclass(frozen=True)
-class MppiController:
+class MppiController(Baseline):
     """MPPI over twists: noisy copies of the last plan, averaged by their cost.
 
     A sample costs, per tick, the squared distance from the reference, its heading
@@ -63,8 +63,6 @@ class MppiController:
     twist is driven.
 
     Attributes:
-        robot: Footprint and limits.
-        settings: Radii and control step.
         samples: Number of samples.
         ticks: Of the horizon, 0.1 s each.
         temperature: λ.
@@ -75,8 +73,6 @@ class MppiController:
         seed: Of the noise; each run starts with it.
     """
 
-    robot: Robot
-    settings: AvoidanceSettings
     samples: int = 512
     ticks: int = 40
     temperature: float = 0.3

@@ -1,8 +1,9 @@
 """Common part of predictive methods: obstacles as discs, start from the last plan."""
 
 import math
-from collections.abc import Callable, Iterable
-from typing import Annotated, NamedTuple, Protocol, TypeVar
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any, NamedTuple
 
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Status
@@ -11,6 +12,7 @@ from qpavoid.compiled import compiled_once, entry, entry_if
 from qpavoid.lab.baselines.drive import (
     FAILED,
     RELAXED_FROM,
+    Baseline,
     Command,
     line_points,
     stepping,
@@ -18,7 +20,6 @@ from qpavoid.lab.baselines.drive import (
 )
 from qpavoid.model.contact import point_contact
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Robot
 from qpavoid.types import (
     Array,
     Discs,
@@ -48,23 +49,22 @@ class Situation(NamedTuple):
     discs: Array
 
 
-class Plan(Protocol):
-    """Solution of a planning step."""
+class Plan(NamedTuple):
+    """A plan, in the robot frame of its beginning.
 
-    @property
-    def twists(self) -> Array:
-        """(N, 2) v, ω; the first is driven."""
+    Attributes:
+        poses: (N + 1, 3) x, y (m), heading (rad); the first is the robot's own.
+        twists: (N, 2) v, ω between them; the first is driven.
+        steps: (N,) time between them, s.
+        slack: (N,) depth within r_min, m.
+        cost: Of the program.
+    """
 
-    @property
-    def depth(self) -> float:
-        """Greatest depth within r_min, m."""
-
-    @property
-    def cost(self) -> float:
-        """Cost of the plan."""
-
-
-P = TypeVar("P", bound=Plan)
+    poses: Array
+    twists: Array
+    steps: Array
+    slack: Array
+    cost: float = math.inf
 
 
 def everything_wide(obstacles: Obstacles, settings: AvoidanceSettings) -> Array:
@@ -82,45 +82,47 @@ def command_of(twist: Twist, depth: float) -> Command:
     return Command(twist)
 
 
-def replanning(
-    robot: Robot,
-    settings: AvoidanceSettings,
-    last: Twist,
-    is_free: Callable[[Situation], bool],
-    search: Callable[[P | None, Situation], Iterable[P | None]],
-) -> Step:
-    """Return the step of a method that plans every :data:`PERIOD` from its last plan.
+@dataclass(frozen=True)
+class Predictive(Baseline):
+    """A method that plans every :data:`PERIOD` from its last plan.
 
     The cheapest plan counts; without one the robot brakes (``stopped``).
-
-    Args:
-        robot: Footprint and limits.
-        settings: Radii and control step.
-        last: Twist driven last.
-        is_free: Whether no plan is needed: the desired twist is then driven, and the
-            last plan dropped.
-        search: Function from the last plan, or None, to the solver's plans; None for a
-            failure.
     """
-    kept: P | None = None
 
-    def plan(
-        desired: Twist, obstacles: Obstacles, context: StepContext
-    ) -> Command | None:
-        nonlocal kept
-        discs = everything_wide(obstacles, settings)
-        situation = Situation(desired, context, discs)
-        if is_free(situation):
-            kept = None
-            return None
-        found = [answer for answer in search(kept, situation) if answer is not None]
-        kept = min(found, key=lambda answer: answer.cost, default=None)
-        if kept is None:
-            return FAILED
-        v, omega = kept.twists[0].tolist()
-        return command_of((v, omega), kept.depth)
+    def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
+        """Return the step of a new run, of a robot that drives (v, ω) at present."""
+        kept: Plan | None = None
+        self.program()  # made before the first step
 
-    return stepping(robot, settings.dt, last, plan, PERIOD)
+        def plan(
+            desired: Twist, obstacles: Obstacles, context: StepContext
+        ) -> Command | None:
+            nonlocal kept
+            discs = everything_wide(obstacles, self.settings)
+            to = Situation(desired, context, discs)
+            if self.is_free(to):
+                kept = None
+                return None
+            found = [one for one in self.search(kept, to) if one is not None]
+            kept = min(found, key=lambda one: one.cost, default=None)
+            if kept is None:
+                return FAILED
+            v, omega = kept.twists[0].tolist()
+            return command_of((v, omega), float(kept.slack.max()))
+
+        return stepping(self.robot, self.settings.dt, (v, omega), plan, PERIOD)
+
+    def program(self) -> Any:
+        """Return the solver, shared by all runs of equal settings."""
+        raise NotImplementedError
+
+    def is_free(self, to: Situation) -> bool:
+        """Return whether the desired twist is driven, and the last plan dropped."""
+        raise NotImplementedError
+
+    def search(self, kept: Plan | None, to: Situation) -> Iterator[Plan | None]:
+        """Yield the solver's plans, from the last one if any; None for a failure."""
+        raise NotImplementedError
 
 
 NO_DISC = (1e3, 1e3, 0.0, 0.0, 0.0)

@@ -76,7 +76,7 @@ class PursuitController(Baseline):
         self, desired: Twist, obstacles: Obstacles, context: StepContext
     ) -> Command | None:
         """Return the twist to the carrot, slowed down; None: the desired twist."""
-        distance = self._distance(obstacles)
+        distance = clearance_of(self.robot.footprint, obstacles.arrays)
         if math.hypot(*context.goal[:2]) < DOCKING:
             wanted = desired
         else:
@@ -118,10 +118,6 @@ class PursuitController(Baseline):
         v = max(share * pace, min(SLOWEST_CURVE, pace))
         v *= min(1.0, math.hypot(*context.goal[:2]) / APPROACH)
         return (v, v * curvature), min(IMMINENT, way / max(v, TINY))
-
-    def _distance(self, obstacles: Obstacles) -> float:
-        """Return the distance of the nearest obstacle from the footprint, m."""
-        return clearance_of(self.robot.footprint, obstacles.arrays)
 
     def _free(
         self, wanted: Twist, obstacles: Obstacles, context: StepContext, time: float

@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.avoidance.controllers import Step, StepContext
-from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.lab.baselines.drive import (
+    Baseline,
     Command,
     Method,
     line_points,
@@ -20,7 +20,6 @@ from qpavoid.lab.baselines.drive import (
 from qpavoid.lab.baselines.stopping import brake
 from qpavoid.model.kinematics import TINY, wrap_angle
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Robot
 from qpavoid.types import Array, Matrix, Sizes, Twist, Vector, VectorWritten
 
 SECTORS = 72
@@ -155,7 +154,7 @@ def choose(
 
 
 @dataclass(frozen=True)
-class HistogramController:
+class HistogramController(Baseline):
     """Steering for the cheapest opening between obstacles.
 
     VFH+ has round robots: here the circle of ``radius``, which may be less than the
@@ -168,8 +167,6 @@ class HistogramController:
     obstacles beyond the goal are left out. Velocities are not used.
 
     Attributes:
-        robot: Footprint and limits.
-        settings: Control step.
         radius: Of the robot, from that of the inscribed circle (0) to that of the
             circumscribed one (1), both about the axle's middle.
         margin: Added to it, m.
@@ -180,8 +177,6 @@ class HistogramController:
         preview: s.
     """
 
-    robot: Robot
-    settings: AvoidanceSettings
     radius: float = 0.75
     margin: float = 0.05
     window: float = 1.5

@@ -9,7 +9,7 @@ from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import BLOCKED, Decision
 from qpavoid.guide.guide import PathTracking
-from qpavoid.guide.stage import GuideStage, Tracking
+from qpavoid.guide.stage import GuideStage
 from qpavoid.guide.state import Progress
 from qpavoid.lab.planning.planner import Planner, PlanningProblem, standing
 from qpavoid.lab.scenario.methods import find_method, make_controller
@@ -110,10 +110,6 @@ def _estimator(settings: EstimatorSettings) -> Sensor:
     return see
 
 
-Round: TypeAlias = Callable[[Obstacles, Tracking], tuple[Twist, bool]]
-"""From obstacles, robot frame, and what tracking does to the twist that leads round
-what is in the way, and whether there is none."""
-
 CALM = 0.5
 """m/s²; how a planned path gains and loses speed at most, if no reference says it."""
 
@@ -144,20 +140,6 @@ def make_planner(
     )
     chart = Obstacles(scenario.world.points, walls=scenario.world.walls)
     return Planner(search, problem, scenario.planner, chart)
-
-
-def make_guide(scenario: Scenario) -> Round:
-    """Return the guide of a run; without one the desired twist is handed on."""
-    if scenario.guide is None:
-        return lambda _, tracking: (tracking.desired, False)
-    robot, law = scenario.robot, scenario.tracker.array
-    stage = GuideStage(robot, scenario.guide, scenario.settings, law).start()
-
-    def round_(seen: Obstacles, tracking: Tracking) -> tuple[Twist, bool]:
-        progress, v, omega = stage(seen, tracking)
-        return (v, omega), progress is Progress.BLOCKED
-
-    return round_
 
 
 DENSE, EXTRA = 200, 0.1
@@ -248,7 +230,9 @@ class Simulation:
         tracker, waiting, guide = scenario.tracker, scenario.waiting, scenario.guide
         self._path = PathTracking(tracker, waiting, scenario.dt, guide)
         self._path.follow(plan)
-        self._round, self._step = make_guide(scenario), method.start()
+        self._stage, self._step = None, method.start()
+        if guide is not None:
+            self._stage = GuideStage(robot, guide, settings, tracker.array).start()
         self._see, self._locate = make_sensor(scenario), make_localisation(scenario)
         self._drive, self._believed = make_plant(scenario), scenario.start
 
@@ -294,7 +278,10 @@ class Simulation:
         wanted = perf_counter()
         tracked = self._path.step(self._believed, self.driven)
         resumed = perf_counter()
-        twist, blocked = self._round(seen, tracked)
+        twist, blocked = tracked.desired, False
+        if self._stage is not None:
+            progress, v, omega = self._stage(seen, tracked)
+            twist, blocked = (v, omega), progress is Progress.BLOCKED
         return twist, blocked, wanted - started + perf_counter() - resumed
 
     def _context(self) -> StepContext:

@@ -17,6 +17,7 @@ from qpavoid.lab.baselines.mppi import (
     depth_within,
     rollout,
 )
+from qpavoid.lab.baselines.predictive import Situation
 from qpavoid.model.capsules import RADIUS
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
@@ -104,7 +105,8 @@ def planned(discs, driven=(0.5, 0.0)):
     method, context = make("nmpc"), towards(driven=driven)
     reference = reference_ahead(context, ROBOT, method.stages, method.tick)
     start = next(method.starts(None, reference, (0.5, 0.0)))
-    return method, method.solve(method.program(), start, context, reference, discs)
+    to = Situation((0.5, 0.0), context, discs)
+    return method, method.solve(start, reference, to)
 
 
 def test_nmpc_plan_is_a_motion_of_the_unicycle_and_keeps_its_distance():
@@ -112,11 +114,11 @@ def test_nmpc_plan_is_a_motion_of_the_unicycle_and_keeps_its_distance():
     method, plan = planned(discs)
     exact = np.array([HERE])
     for k, (v, omega) in enumerate(plan.twists):
-        step = nmpc.driven_along(plan.twists[: k + 1], method.tick).poses[-1]
+        step = nmpc.driven_along(plan.twists[: k + 1], method.tick)[-1]
         assert plan.poses[k + 1] == pytest.approx(step, abs=1e-3)
         exact = np.vstack([exact, arc(*exact[-1], v, omega, method.tick)])
     assert plan.poses == pytest.approx(exact, abs=0.02)
-    assert plan.depth < 1e-3
+    assert plan.slack.max() < 1e-3
     there = Obstacles(discs=[(2.0, 0.3, 0.3)])
     for pose in plan.poses:
         assert clearance(there, tuple(pose)) > SETTINGS.radius.r_min_slow - 2e-3

@@ -7,7 +7,7 @@ from guided import HERE, SETTINGS, SLOW_ROBOT, make, towards
 from qpavoid.avoidance.decision import Status
 from qpavoid.lab.baselines import teb
 from qpavoid.lab.baselines.drive import wide_discs
-from qpavoid.lab.baselines.teb import Task
+from qpavoid.lab.baselines.predictive import Situation
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import braking_twist
@@ -19,9 +19,9 @@ END = (2.8, 0.0, 0.0)
 
 def planned(obstacles, method=METHOD, driven=(0.5, 0.0), end=END):
     """Return the bands that a first step finds, the cheapest first."""
-    task = Task(end, driven, wide_discs(obstacles, SETTINGS))
-    program = method.program()
-    bands = [method.solve(program, x, task) for x in method.starts(None, task)]
+    discs = wide_discs(obstacles, SETTINGS)
+    to = Situation((0.5, 0.0), towards(driven=driven), discs)
+    bands = [method.solve(x, end, to) for x in method.starts(None, end, to)]
     return sorted(bands, key=lambda band: band.cost)
 
 
