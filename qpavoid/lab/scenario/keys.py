@@ -11,7 +11,17 @@ from dataclasses import dataclass, is_dataclass, replace
 from functools import partial
 from inspect import cleandoc
 from types import NoneType, UnionType
-from typing import Annotated, Any, TypeAlias, TypeVar, Union, get_args, get_origin
+from typing import (
+    Annotated,
+    Any,
+    ClassVar,
+    Literal,
+    TypeAlias,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+)
 
 from pydantic import (
     BaseModel,
@@ -82,6 +92,7 @@ class Strict(BaseModel):
     """No unknown keys, no guessing of types, no change afterwards."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    describes: ClassVar[type[Any]]
 
     @classmethod
     def __get_pydantic_json_schema__(
@@ -162,6 +173,17 @@ def keyed(
     return extend
 
 
+def tagged(kind: str, settings: type, base: type[M]) -> type[M]:
+    """Return the model of a table that is settings with a ``kind``."""
+    only: Any = Literal
+    told: Any = Annotated[only[kind], Field(description=f"`{kind}`.")]
+    keys: dict[str, Any] = {"kind": (told, ...), **keys_of(settings)}
+    name = f"{settings.__name__}Model"
+    made = create_model(name, __base__=base, __doc__=settings.__doc__, **keys)
+    made.describes = settings
+    return made
+
+
 def with_tables(tables: Mapping[str, type]) -> Callable[[type[M]], type[M]]:
     """Return a decorator that adds a table of each of these settings to a model."""
 
@@ -189,12 +211,20 @@ def values(kind: type, table: Strict, prefix: str = "") -> dict[str, Any]:
 
 
 def read(kind: type[T], table: Strict, prefix: str = "", **given: Any) -> T:
-    """Return the settings that a table describes; what is no key of it is given.
+    """Return the settings that a table describes.
+
+    Args:
+        kind: The settings.
+        table: Their keys.
+        prefix: What all keys begin with.
+        given: Fields without a key; those that the settings lack are left out.
 
     Raises:
         InvalidInputError: They do not fit together.
     """
-    return kind(**values(kind, table, prefix), **given)
+    known: Any = kind
+    fields = {k: x for k, x in given.items() if k in known.__dataclass_fields__}
+    return kind(**values(kind, table, prefix), **fields)
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from qpavoid.lab.scenario.keys import read, values
 from qpavoid.lab.scenario.world import Pushed, Track, World
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
-from qpavoid.lab.sensing.physics import Patch, Physics
+from qpavoid.lab.sensing.physics import Physics
 from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.worlds.barn import START, find_folder, read_path, read_world
 from qpavoid.lab.worlds.map_server import find_map, read_map
@@ -325,28 +325,21 @@ def make_tracker(model: schema.TrackingModel, limits: Limits) -> Tracker:
 def make_localisation(model: schema.ScenarioModel) -> MotionCapture | Uwb | None:
     """Return how the robot knows where it is, or none: exactly."""
     told = model.localisation
-    if told is None:
-        return None
-    if isinstance(told, schema.MotionCaptureModel):
-        return read(MotionCapture, told, seed=model.seed)
-    return read(Uwb, told, seed=model.seed, **track_of(model))
+    return told and read(told.describes, told, **drawn(model))
 
 
 def make_plant(model: schema.ScenarioModel) -> Plant | Physics | None:
     """Return what the wheels make of a twist, or none: just that."""
     told = model.plant
     if isinstance(told, schema.PhysicsModel):
-        ground: dict[str, Any] = {
-            "patches": tuple(read(Patch, one) for one in told.patches),
-        }
-        return read(Physics, told, **ground)
-    given = {"seed": model.seed, **track_of(model)}
-    return None if told is None else read(Plant, told, **given)
+        return read(Physics, told, patches=tuple(one() for one in told.patches))
+    return None if told is None else read(Plant, told, **drawn(model))
 
 
-def track_of(model: schema.ScenarioModel) -> dict[str, Any]:
-    """Return the robot's distance between its wheels by name, where it says one."""
-    return {k: v for k, v in values(Limits, model.robot).items() if k == "track"}
+def drawn(model: schema.ScenarioModel) -> dict[str, Any]:
+    """Return the seed, and the robot's distance between its wheels, if it says one."""
+    track = values(Limits, model.robot).get("track")
+    return {"seed": model.seed} | ({} if track is None else {"track": track})
 
 
 def make_waiting(model: schema.TrackingModel) -> Waiting:

@@ -19,6 +19,7 @@ from qpavoid.lab.scenario.keys import (
     absent,
     keyed,
     ordered,
+    tagged,
     with_tables,
 )
 from qpavoid.lab.sensing.lidar import LidarSettings
@@ -401,29 +402,10 @@ class FilterModel(Strict):
     """The QP filter."""
 
 
-@keyed(MotionCapture)
-class MotionCaptureModel(Strict):
-    """The pose is measured to less than a millimetre.
-
-    Attributes:
-        kind: Cameras in the room.
-    """
-
-    kind: Literal["motion_capture"]
-
-
-@keyed(Uwb)
-class UwbModel(Strict):
-    """Positions by radio, fused with odometry by an EKF.
-
-    Attributes:
-        kind: Ultra-wideband radio.
-    """
-
-    kind: Literal["uwb"]
-
-
-LocalisationModel = MotionCaptureModel | UwbModel
+LocalisationModel: Any = Annotated[
+    tagged("motion_capture", MotionCapture, Strict) | tagged("uwb", Uwb, Strict),
+    Field(discriminator="kind"),
+]
 
 
 @keyed(Plant)
@@ -437,11 +419,6 @@ class SlipModel(Strict):
     kind: Literal["slip"] = "slip"
 
 
-@keyed(Patch)
-class PatchModel(Strict):
-    """A rectangle of another friction."""
-
-
 @keyed(Physics)
 class PhysicsModel(Strict):
     """Rigid bodies in MuJoCo.
@@ -452,7 +429,7 @@ class PhysicsModel(Strict):
     """
 
     kind: Literal["mujoco"]
-    patches: list[PatchModel] = Field(default_factory=list)
+    patches: list[Table[Patch]] = Field(default_factory=list)
 
 
 def _plant_kind(told: Any) -> str:
@@ -523,9 +500,7 @@ class ScenarioModel(Strict):
     sight_m: Annotated[float, Field(gt=0)] = float("inf")
     lidar: Table[LidarSettings] | None = None
     perception: Table[PerceptionSettings] = absent(PerceptionSettings)
-    localisation: Annotated[LocalisationModel, Field(discriminator="kind")] | None = (
-        None
-    )
+    localisation: LocalisationModel | None = None
     plant: PlantModel | None = None
     obstacles: list[ObstacleModel] = Field(default_factory=list)
 
