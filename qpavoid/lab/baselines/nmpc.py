@@ -141,12 +141,11 @@ def make_program(
         "g": ca.veccat(poses - before - tick * rate, ca.vertcat(*room), limited),
     }
     free, none = np.full(3 * stages, np.inf), np.zeros(3 * stages)
-    v_omega = np.tile([[limits.v_min, limits.omega_min]], stages).ravel()
-    v_omega_most = np.tile([[limits.v_max, limits.omega_max]], stages).ravel()
+    least, greatest = twist_bounds(limits, stages)
     return Program(
         ipopt(problem, IPOPT),
-        np.concatenate([-free, v_omega, np.zeros(stages)]),
-        np.concatenate([free, v_omega_most, np.full(stages, np.inf)]),
+        np.concatenate([-free, least, np.zeros(stages)]),
+        np.concatenate([free, greatest, np.full(stages, np.inf)]),
         np.concatenate([none, np.zeros(len(room)), -most]),
         np.concatenate([none, np.full(len(room), np.inf), most]),
     )
@@ -178,6 +177,12 @@ def kept_clear(
     earlier = keep.barriers(keep.body, before[:, k], there)
     decay = 1.0 - keep.gamma
     return [h - decay * h_0 for h, h_0 in zip(clear, earlier, strict=True)]
+
+
+def twist_bounds(limits: Limits, stages: int) -> tuple[Array, Array]:
+    """Return least and greatest twists (2 stages,)."""
+    least = np.tile([limits.v_min, limits.omega_min], stages)
+    return least, np.tile([limits.v_max, limits.omega_max], stages)
 
 
 def limited_by(limits: Limits, twists: Any, changes: Any) -> tuple[Any, Array]:

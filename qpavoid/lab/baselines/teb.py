@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -22,6 +23,7 @@ from qpavoid.lab.baselines.nmpc import (
     later,
     limited_by,
     polygon_distance,
+    twist_bounds,
 )
 from qpavoid.lab.baselines.predictive import (
     PERIOD,
@@ -66,26 +68,20 @@ def make_band_program(
     (n, tick, near), (w_end, gather, heading, smooth, penalty) = shape, weights
     poses, twists = ca.SX.sym("poses", 3, n), ca.SX.sym("twists", 2, n)
     slack, steps = ca.SX.sym("slack", 1, n), ca.SX.sym("steps", 1, n)
-    times = ca.SX.sym("times", 1, n)
+    times, discs = ca.SX.sym("times", 1, n), ca.SX.sym("discs", 5, n * near)
     end, driven = ca.SX.sym("end", 3), ca.SX.sym("driven", 2)
-    discs = ca.SX.sym("discs", 5, n * near)
     before = ca.horzcat(ca.SX.zeros(3), poses[:, :-1])
-    halfway = before[2, :] + 0.5 * steps * twists[1, :]
-    moved = ca.vertcat(
-        steps * twists[0, :] * ca.cos(halfway),
-        steps * twists[0, :] * ca.sin(halfway),
-        steps * twists[1, :],
-    )
-    room = []
-    for i in range(n * near):
-        k = i // near
-        there = discs[:2, i] + times[k] * discs[3:, i]
-        room.append(polygon_distance(body, poses[:, k], there) - discs[2, i] + slack[k])
+    made = poses - before - moved(before, twists, steps)
+    room = [
+        kept_clear(body, poses[:, i // near], discs[:, i], times[i // near])
+        + slack[i // near]
+        for i in range(n * near)
+    ]
     pieces = ca.horzcat(driven, twists), ca.horzcat(twists, ca.SX.zeros(2))
-    # Twists belong to the middles of their pieces, so they change over half of either;
-    # the first from the twist driven, the last to rest, each over its whole piece.
-    between = 0.5 * (steps[:, 1:] + steps[:, :-1])
-    between = ca.horzcat(steps[:, 0], between, steps[:, -1])
+    # Twists belong to the middles of their pieces: they change over half of either; the
+    # first from the twist driven, the last to rest, each over its whole piece.
+    halves = 0.5 * (steps[:, 1:] + steps[:, :-1])
+    between = ca.horzcat(steps[:, 0], halves, steps[:, -1])
     changes = (pieces[1] - pieces[0]) / ca.repmat(between, 2, 1)
     limited, most = limited_by(limits, pieces[1], changes)
     off = poses[:2, :] - ca.repmat(end[:2], 1, n)
@@ -94,18 +90,16 @@ def make_band_program(
     cost += smooth * ca.sumsqr(pieces[1] - pieces[0])
     cost += heading * (1.0 - ca.cos(poses[2, -1] - end[2]))
     cost += gather * ca.sumsqr(off)
-    # Times are unknowns of their own: as sums of all steps before them they would fill
-    # the Jacobian, which is banded so.
+    # Not sums of all steps before them, which would fill the banded Jacobian.
     reached = times - ca.horzcat(0.0, times[:, :-1]) - steps
     problem = {
         "x": ca.veccat(poses, twists, slack, steps, times),
         "p": ca.veccat(end, driven, discs),
         "f": cost,
-        "g": ca.veccat(poses - before - moved, reached, ca.vertcat(*room), limited),
+        "g": ca.veccat(made, reached, ca.vertcat(*room), limited),
     }
     free, none, rest = np.full(3 * n, np.inf), np.zeros(n), np.full(n, np.inf)
-    least = np.tile([limits.v_min, limits.omega_min], n)
-    greatest = np.tile([limits.v_max, limits.omega_max], n)
+    least, greatest = twist_bounds(limits, n)
     return Program(
         ipopt(problem, OPTIONS),
         np.concatenate([-free, least, none, np.full(n, tick), none]),
@@ -113,6 +107,21 @@ def make_band_program(
         np.concatenate([np.zeros(4 * n + len(room)), -most]),
         np.concatenate([np.zeros(4 * n), np.full(len(room), np.inf), most]),
     )
+
+
+def moved(before: Any, twists: Any, steps: Any) -> Any:
+    """Return the motions of twists from poses, by the midpoint rule, symbolic."""
+    halfway = before[2, :] + 0.5 * steps * twists[1, :]
+    return ca.vertcat(
+        steps * twists[0, :] * ca.cos(halfway),
+        steps * twists[0, :] * ca.sin(halfway),
+        steps * twists[1, :],
+    )
+
+
+def kept_clear(body: BodyPoints, pose: Any, disc: Any, time: Any) -> Any:
+    """Return the margin of the body at a pose to a disc after a time, m, symbolic."""
+    return polygon_distance(body, pose, disc[:2] + time * disc[3:]) - disc[2]
 
 
 BOWS = (0.4, 0.8, 1.2, 1.8, 2.6)

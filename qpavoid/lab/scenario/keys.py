@@ -176,7 +176,7 @@ def keyed(
 def tagged(kind: str, settings: type, base: type[M]) -> type[M]:
     """Return the model of a table that is settings with a ``kind``."""
     only: Any = Literal
-    told: Any = Annotated[only[kind], Field(description=f"`{kind}`.")]
+    told: Any = Annotated[only[kind], Field(description="Kind of table.")]
     keys: dict[str, Any] = {"kind": (told, ...), **keys_of(settings)}
     name = f"{settings.__name__}Model"
     made = create_model(name, __base__=base, __doc__=settings.__doc__, **keys)
