@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
@@ -37,6 +37,9 @@ from qpavoid.tracking.clock import NEVER, Waiting
 from qpavoid.tracking.kanayama import Gains, KanayamaTracker, Tracker
 from qpavoid.tracking.station import StationKeeping, StationTracker
 from qpavoid.types import Array, Pose
+
+Folder: TypeAlias = str | os.PathLike[str] | None
+"""Folder of published data sets; none: the environment's ``QPAVOID_DATA``."""
 
 MOST_STEPS, MOST_PLACES = 1_000_000, 30_000_000
 """Of a run: steps, and places of all its obstacles; its log has 300 MB and 700 MB."""
@@ -135,9 +138,7 @@ class Scenario:
         return self.dt * np.arange(self.steps + 1, dtype=np.float64)
 
 
-def load_scenario(
-    config: str | os.PathLike[str], data: str | os.PathLike[str] | None = None
-) -> Scenario:
+def load_scenario(config: str | os.PathLike[str], data: Folder = None) -> Scenario:
     """Read a scenario from a file or by its shipped name.
 
     Args:
@@ -160,7 +161,7 @@ def make_scenario(
     document: dict[str, Any],
     name: str,
     path: Path,
-    data: str | os.PathLike[str] | None = None,
+    data: Folder = None,
     digest: str = "",
 ) -> Scenario:
     """Return the scenario that a document describes.
@@ -178,7 +179,7 @@ def make_scenario(
     """
     model = validated(schema.ScenarioModel, document, path)
     if not model.robots:
-        return _single(model, name, path, data, digest)
+        return replace(_single(model, path, data), name=name, digest=digest)
     robots: list[Scenario] = []
     problems: list[str] = []
     rng = np.random.default_rng((model.seed, DRAWS))
@@ -187,8 +188,7 @@ def make_scenario(
             for own in make_members(item, rng):
                 seed = {"seed": model.seed + SEED_STRIDE * len(robots), "robots": []}
                 told = validated(schema.ScenarioModel, document | own | seed, path)
-                world = robots[0].world if robots else None
-                one = _single(told, name, path, data, digest, world)
+                one = _single(told, path, data, robots[0].world if robots else None)
                 start = _jittered(one.start, item, rng)
                 controller = item.controller or ""
                 robots.append(replace(one, start=start, controller=controller))
@@ -198,6 +198,7 @@ def make_scenario(
             problems += [where + line.removeprefix(f"{path}: ") for line in lines]
     if problems:
         raise ConfigError(problems)
+    robots = [replace(one, name=name, digest=digest) for one in robots]
     return replace(robots[0], seed=model.seed, robots=tuple(robots))
 
 
@@ -209,40 +210,9 @@ def _jittered(start: Pose, item: schema.MemberModel, rng: np.random.Generator) -
 
 
 def _single(
-    model: schema.ScenarioModel,
-    name: str,
-    path: Path,
-    data: str | os.PathLike[str] | None,
-    digest: str,
-    world: World | None = None,
+    model: schema.ScenarioModel, path: Path, data: Folder, world: World | None = None
 ) -> Scenario:
-    """Return the scenario of one robot, in a world that there is already."""
-    parts = _parts(model, path, data, world)
-    return Scenario(
-        name=name,
-        title=model.title,
-        tracker=make_tracker(model.tracking, parts["robot"].limits),
-        start=_start(model, parts["path"]),
-        duration=model.duration_s,
-        dt=model.dt_s,
-        sight=model.sight_m,
-        seed=model.seed,
-        ends_at_goal=model.ends_at_goal,
-        settled=model.settled_s,
-        arrival=(model.arrival_m, model.arrival_rad),
-        frames=tuple(model.frames_s),
-        digest=digest,
-        **parts,
-    )
-
-
-def _parts(
-    model: schema.ScenarioModel,
-    path: Path,
-    data: str | os.PathLike[str] | None,
-    world: World | None,
-) -> dict[str, Any]:
-    """Return every part that can be wrong, by its field.
+    """Return the scenario of one robot, if given in a world that there is already.
 
     Raises:
         ConfigError: Lists every part that is wrong.
@@ -260,12 +230,10 @@ def _parts(
         "plant": ("plant", lambda: make_plant(model)),
         "waiting": ("tracking.wait_wide_m", lambda: make_waiting(model.tracking)),
         "path": ("reference", lambda: make_reference(model, data)),
-        "world": (
-            "obstacles",
-            lambda: world or make_world(model, path.parent, data),
-        ),
+        "world": ("obstacles", lambda: world or make_world(model, path.parent, data)),
     }
-    parts, problems = {}, []
+    parts: dict[str, Any] = {}
+    problems: list[str] = []
     for name, (key, make) in makers.items():
         try:
             parts[name] = make()
@@ -275,7 +243,21 @@ def _parts(
         problems.append(f"{path}: duration_s: {problem}")
     if problems:
         raise ConfigError(problems)
-    return parts
+    return Scenario(
+        name="",
+        title=model.title,
+        tracker=make_tracker(model.tracking, parts["robot"].limits),
+        start=_start(model, parts["path"]),
+        duration=model.duration_s,
+        dt=model.dt_s,
+        sight=model.sight_m,
+        seed=model.seed,
+        ends_at_goal=model.ends_at_goal,
+        settled=model.settled_s,
+        arrival=(model.arrival_m, model.arrival_rad),
+        frames=tuple(model.frames_s),
+        **parts,
+    )
 
 
 def _too_long(model: schema.ScenarioModel, world: World | None) -> str:
@@ -357,9 +339,7 @@ def make_settings(model: schema.ScenarioModel) -> AvoidanceSettings:
     )
 
 
-def make_reference(
-    scenario: schema.ScenarioModel, data: str | os.PathLike[str] | None
-) -> motion.Path | None:
+def make_reference(scenario: schema.ScenarioModel, data: Folder) -> motion.Path | None:
     """Return the planned motion; none: each robot has its own."""
     model = scenario.reference
     if model is None:
@@ -425,9 +405,7 @@ def _scattered(
     raise InvalidInputError(f"no places for {item.count} robots were found")
 
 
-def make_world(
-    model: schema.ScenarioModel, folder: Path, data: str | os.PathLike[str] | None
-) -> World:
+def make_world(model: schema.ScenarioModel, folder: Path, data: Folder) -> World:
     """Return the obstacles; files lie in ``folder``, published data in ``data``.
 
     Raises:
