@@ -155,11 +155,6 @@ class Method(NamedTuple):
         return replace(scenario, guide=GuideSettings())
 
 
-def place_of(name: str) -> str:
-    """Return where a method of one's own is, ``module:Name``; empty for all others."""
-    return name if ":" in name else ""
-
-
 @lru_cache
 def find_entry(name: str) -> Entry | None:
     """Return the entry of a name, the registry's first; none: there is none.
@@ -167,11 +162,10 @@ def find_entry(name: str) -> Entry | None:
     Raises:
         ConfigError: It is to be loaded and cannot be.
     """
-    place = place_of(name)
-    if not place:
+    if ":" not in name:
         return REGISTRY.get(name)
-    thing = load_object(place)
-    text = (getattr(thing, "__doc__", None) or place).strip().splitlines()[0]
+    thing = load_object(name)
+    text = (getattr(thing, "__doc__", None) or name).strip().splitlines()[0]
     return Entry(text, partial(own_controller, name, thing))
 
 
@@ -264,8 +258,8 @@ def missing_extra(name: str) -> str:
 @lru_cache
 def own_file(name: str) -> Path | None:
     """Return the source of a method of one's own; none for all others."""
-    place = place_of(find_method(name).controller)
-    return source_of(place) if place else None
+    place = find_method(name).controller
+    return source_of(place) if ":" in place else None
 
 
 def check_methods(names: Iterable[str]) -> None:

@@ -32,7 +32,6 @@ from qpavoid.perception import settings as perceived
 from qpavoid.settings import FINITE, NO_KEY, NOT_NEGATIVE, SHARE, Range, check
 from qpavoid.types import Array, Arrays, Points, Pose, VectorWritten
 
-MOUNT = ("mount_x_m", "mount_y_m", "mount_heading_rad")
 ROUND = Range(gt=0.0, le=2 * math.pi + 1e-9, allow_inf_nan=False)
 SOME = Range(gt=0.0, le=1e6, allow_inf_nan=False)
 NONE_OR_SOME = Range(ge=0.0, le=1e6, allow_inf_nan=False)
@@ -76,7 +75,7 @@ class LidarSettings:
     sweep: Annotated[float, "s", perceived.SHORT] = 0.0
     delay: Annotated[float, "s", perceived.SHORT] = 0.0
     seed: Annotated[int, NO_KEY, Range(ge=0)] = 0
-    mount: Annotated[Pose, FINITE, MOUNT] = (0.0, 0.0, 0.0)
+    mount: Annotated[Pose, FINITE, perceived.MOUNT] = (0.0, 0.0, 0.0)
     point_radius: Annotated[float, "m", NONE_OR_SOME] = 0.02
     perception: bool = True
 

@@ -18,11 +18,10 @@ from qpavoid.compiled import compiled_once, entry, entry_if
 from qpavoid.model.capsules import Segment
 from qpavoid.model.contact import point_contact, wall_separation
 from qpavoid.model.footprint import Footprint
-from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.robot import Robot
 from qpavoid.settings import Range
 from qpavoid.tracking.path import SplinePath
-from qpavoid.types import Array, Edges, Matrix, Pose, Sizes, VectorWritten
+from qpavoid.types import Array, Edges, Matrix, Sizes, VectorWritten
 
 Poses: TypeAlias = Annotated[Matrix, Sizes(0, 3)]
 
@@ -72,19 +71,14 @@ class ForestScene:
     walls: Array
 
     @property
-    def start(self) -> Pose:
-        """Initial pose of the robot: the origin, facing the goal."""
-        return 0.0, 0.0, 0.0
-
-    @property
-    def goal(self) -> Pose:
-        """Pose ``length`` m ahead of the start, with its heading."""
-        return self.length, 0.0, 0.0
+    def points(self) -> list[list[float]]:
+        """Start and goal, m."""
+        return [[0.0, 0.0], [self.length, 0.0]]
 
     @property
     def path(self) -> SplinePath:
         """The reference: straight to the goal, from rest to rest."""
-        return SplinePath(np.array([self.start[:2], self.goal[:2]]), SPEED)
+        return SplinePath(np.array(self.points), SPEED)
 
 
 def make_scene(footprint: Footprint, seed: int, number: int) -> ForestScene:
@@ -126,7 +120,7 @@ def is_passable(footprint: Footprint, scene: ForestScene) -> bool:
     columns = round((scene.length + 2.0) / CELL) + 1
     poses, edges = lattice(columns)
     free = clear(footprint.edges, poses, scene.discs, scene.walls, CLEARANCE)
-    start, goal = (nearest_node(columns, pose) for pose in (scene.start, scene.goal))
+    start, goal = (nearest_node(columns, x) for x, _ in scene.points)
     if not (free[start] and free[goal]):
         return False
     # An edge is free if both its ends are; the excess of CLEARANCE over r_min covers
@@ -157,12 +151,11 @@ def lattice(columns: int) -> tuple[Array, np.ndarray]:
     return poses, np.hstack([forwards, left, left[::-1]])
 
 
-def nearest_node(columns: int, pose: Pose) -> int:
-    """Return the node nearest to a pose."""
+def nearest_node(columns: int, x: float) -> int:
+    """Return the node nearest to x (m) on the x axis, heading along it."""
     rows = round(2.0 * HALF_WIDTH / CELL) + 1
-    i, j = round((pose[0] + 1.0) / CELL), round((pose[1] + HALF_WIDTH) / CELL)
-    k = int(np.argmin([abs(wrap_angle(heading - pose[2])) for heading in HEADINGS]))
-    return (k * rows + j) * columns + i
+    i, j = round((x + 1.0) / CELL), round(HALF_WIDTH / CELL)
+    return (int(np.argmin(np.abs(HEADINGS))) * rows + j) * columns + i
 
 
 def clear(
@@ -254,7 +247,7 @@ def scene_document(scene: ForestScene) -> dict[str, Any]:
         "tracking": {"station_keeping": True},
         "reference": {
             "kind": "spline",
-            "points_m": [scene.start[:2], scene.goal[:2]],
+            "points_m": scene.points,
             "speed_mps": SPEED,
         },
         "obstacles": discs + walls,
