@@ -232,8 +232,6 @@ UNFITTING = {
     "waiting_reference": [(np.ones((3, 5)), np.inf, POSE, POSE)],
     "fill_ahead": [(np.ones((3, 5)), 0.0, POSE, step, TABLE) for step in (-1.0, 1e9)],
     "cast_rays": [(BEAMS, WORLD, 0.0, np.ones(3))],
-    "nearest_discs": [(EDGES, WORLD[1], np.ones((3, 3)), np.ones(1), TABLE)],
-    "whole_force": [(TABLE, 4, 1.0, 1.0)],
 }
 SETTINGS = AvoidanceSettings().record()
 SEEN = np.array([(1.2, 0.1)]), WORLD[1][:0]

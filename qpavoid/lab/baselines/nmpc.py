@@ -322,8 +322,10 @@ class NmpcController(Predictive):
             to: Twists of reference and robot, and obstacles.
         """
         n, near = self.stages, np.empty((self.stages * self.nearest, 5))
-        times = self.tick * np.arange(1.0, n + 1.0)
-        nearest_discs(self.robot.footprint.edges, to.discs, start.poses, times, near)
+        stages = np.empty((n, 4))
+        stages[:, :3] = start.poses[1:]
+        stages[:, 3] = self.tick * np.arange(1.0, n + 1.0)
+        nearest_discs(self.robot.footprint.edges, to.discs, stages, near)
         x = [start.poses[1:].ravel(), start.twists.ravel(), start.slack]
         twists = np.array([to.context.reference, to.context.driven])
         p = [reference.ravel(), twists.ravel(), near.ravel()]

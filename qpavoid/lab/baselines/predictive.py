@@ -8,7 +8,7 @@ from typing import Annotated, Any, NamedTuple
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.compiled import compiled_once, entry, entry_if
+from qpavoid.compiled import compiled_once, entry
 from qpavoid.lab.baselines.drive import (
     FAILED,
     RELAXED_FROM,
@@ -28,7 +28,6 @@ from qpavoid.types import (
     MatrixWritten,
     Sizes,
     Twist,
-    Vector,
 )
 
 PERIOD = 0.1
@@ -131,25 +130,10 @@ NO_DISC = (1e3, 1e3, 0.0, 0.0, 0.0)
 
 @entry
 @compiled_once
-def _nearest_discs_fits(
-    edges: Edges,
-    discs: Discs,
-    poses: Annotated[Matrix, Sizes(2, 3)],
-    at: Vector,
-    near: Annotated[MatrixWritten, Sizes(0, 5)],
-) -> bool:
-    """Return whether each stage has a time."""
-    all_fit: bool = at.shape[0] >= poses.shape[0] - 1
-    return all_fit
-
-
-@entry_if(_nearest_discs_fits)
-@compiled_once
 def nearest_discs(
     edges: Edges,
     discs: Discs,
-    poses: Annotated[Matrix, Sizes(2, 3)],
-    at: Vector,
+    stages: Annotated[Matrix, Sizes(1, 4)],
     near: Annotated[MatrixWritten, Sizes(0, 5)],
 ) -> None:
     """Fill in the discs (N·n, 5) nearest to the footprint at each stage.
@@ -157,15 +141,12 @@ def nearest_discs(
     Args:
         edges: Of the footprint.
         discs: (m, 5) of :func:`qpavoid.lab.baselines.drive.wide_discs`.
-        poses: (N + 1, 3) predicted poses of the robot; the first is the present one.
-        at: (N,) times, s.
+        stages: (N, 4) predicted poses of the robot, and their times, s.
         near: Filled in; absent discs are :data:`NO_DISC`.
     """
-    stages = poses.shape[0] - 1
-    count = near.shape[0] // stages
-    for k in range(stages):
-        x, y, time = poses[k + 1, 0], poses[k + 1, 1], at[k]
-        heading = poses[k + 1, 2]
+    count = near.shape[0] // stages.shape[0]
+    for k in range(stages.shape[0]):
+        x, y, heading, time = stages[k, 0], stages[k, 1], stages[k, 2], stages[k, 3]
         cos, sin = math.cos(heading), math.sin(heading)
         last, number = -math.inf, -1
         for j in range(k * count, (k + 1) * count):

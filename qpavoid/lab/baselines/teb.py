@@ -247,8 +247,9 @@ class TebController(Predictive):
     def near(self, band: Plan, discs: Array, count: int) -> Array:
         """Return the ``count`` discs nearest to each pose, (n · count, 5)."""
         near = np.empty((self.stages * count, 5))
-        edges, times = self.robot.footprint.edges, np.cumsum(band.steps)
-        nearest_discs(edges, discs, band.poses.copy(), times, near)
+        stages = np.empty((self.stages, 4))
+        stages[:, :3], stages[:, 3] = band.poses[1:], np.cumsum(band.steps)
+        nearest_discs(self.robot.footprint.edges, discs, stages, near)
         return near
 
     def room(self, band: Plan, discs: Array) -> float:

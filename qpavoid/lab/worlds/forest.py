@@ -9,21 +9,19 @@ the spot, each pose of the oriented footprint clear of everything by ``CLEARANCE
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.compiled import compiled_once, entry, entry_if
+from qpavoid.compiled import compiled_once, entry
 from qpavoid.model.capsules import Segment
 from qpavoid.model.contact import point_contact, wall_separation
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Robot
 from qpavoid.settings import Range
 from qpavoid.tracking.path import SplinePath
-from qpavoid.types import Array, Edges, Matrix, Sizes, VectorWritten
-
-Poses: TypeAlias = Annotated[Matrix, Sizes(0, 3)]
+from qpavoid.types import Array, Edges, Matrix, MatrixWritten, Sizes
 
 CELL = 0.1
 """m; pitch of the lattice."""
@@ -172,29 +170,21 @@ def clear(
         walls: (K, 4) m.
         clearance: m.
     """
-    free = np.ones(len(poses))
-    mark_nearer(edges, poses, free, discs, walls, clearance)
-    return free > 0.0
+    marked = np.column_stack([poses, np.ones(len(poses))])
+    mark_nearer(edges, marked, discs, walls, clearance)
+    return marked[:, 3] > 0.0
 
 
 @entry
 @compiled_once
-def _a_mark_a_pose(edges: Edges, poses: Poses, free: VectorWritten) -> bool:
-    """Return whether each pose has a number."""
-    return bool(free.shape[0] >= poses.shape[0])
-
-
-@entry_if(_a_mark_a_pose)
-@compiled_once
 def mark_nearer(
     edges: Edges,
-    poses: Poses,
-    free: VectorWritten,
+    poses: Annotated[MatrixWritten, Sizes(0, 4)],
     discs: Annotated[Matrix, Sizes(0, 3)],
     walls: Annotated[Matrix, Sizes(0, 4)],
     clearance: float,
 ) -> None:
-    """Set ``free`` to 0 for poses nearer than a clearance; see :func:`clear`."""
+    """Set the fourth column to 0 for poses nearer than a clearance."""
     circumradius = 0.0
     for i in range(edges.shape[0]):
         away = math.sqrt(edges[i, 0] ** 2 + edges[i, 1] ** 2)
@@ -208,10 +198,10 @@ def mark_nearer(
                 continue
             touch = point_contact(edges, cos * d_x + sin * d_y, cos * d_y - sin * d_x)
             if touch.distance - radius < clearance:
-                free[n] = 0.0
+                poses[n, 3] = 0.0
                 break
         for k in range(walls.shape[0]):
-            if free[n] == 0.0:
+            if poses[n, 3] == 0.0:
                 break
             u_x, u_y = walls[k, 0] - x, walls[k, 1] - y
             w_x, w_y = walls[k, 2] - x, walls[k, 3] - y
@@ -222,7 +212,7 @@ def mark_nearer(
                 cos * w_y - sin * w_x,
             )
             if wall_separation(edges, wall).distance < clearance:
-                free[n] = 0.0
+                poses[n, 3] = 0.0
 
 
 def scene_document(scene: ForestScene) -> dict[str, Any]:
