@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from guided import SETTINGS, make, towards
-from qpavoid.avoidance.decision import Status
 from qpavoid.lab.baselines.drive import body_discs, reference_ahead, wide_discs
 from qpavoid.lab.baselines.nmpc import polygon_barriers
 from qpavoid.lab.baselines.predictive import Situation
@@ -63,14 +62,6 @@ def test_with_a_share_of_one_the_distance_alone_is_kept():
     plan, discs = planned(CROSSES, gamma=1.0)
     h = barriers(plan.poses, discs[0], 0.2, method.discs)
     assert (h > -2e-3).all() and (h[:, 1:] < 0.5 * h[:, :-1]).any()
-
-
-def test_where_no_barrier_can_be_kept_it_relaxes_or_brakes():
-    both = [(1.3, 0.0, 0.3), (-1.3, 0.0, 0.3)]
-    closing = Obstacles(discs=both, disc_velocities=[(-1.5, 0.0), (1.5, 0.0)])
-    decision = make("mpc-cbf").start(0.5)(0.5, 0.0, closing, towards())
-    assert decision.status in (Status.RELAXED, Status.STOPPED)
-    assert np.isfinite(decision[:2]).all()
 
 
 DODECAGON = [[0.3 * np.cos(t), 0.3 * np.sin(t)] for t in np.arange(0, 6.2, 0.5236)]

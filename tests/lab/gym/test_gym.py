@@ -243,13 +243,6 @@ def test_what_has_not_been_reset_says_so():
             one.step((0.1, 0.0))
 
 
-def test_a_base_that_slips_does_not_get_as_far(place):
-    env = qgym.ScenarioEnv(place(CROSSING, "[plant]\nslip = 0.1\n"))
-    env.reset()
-    _, reward, *_ = env.step((1.0, 0.0))
-    assert 0.0 < reward < np.hypot(2.0, 0.5) - np.hypot(1.95, 0.5)
-
-
 def test_what_is_not_simulated_is_refused(place):
     with pytest.raises(InvalidInputError, match=r"no \[localisation\]"):
         kind = '[localisation]\nkind = "motion_capture"\n'

@@ -8,7 +8,6 @@ import pytest
 from minimal import problems, write
 from outlines import outlines
 from qpavoid.errors import InvalidInputError
-from qpavoid.lab.scenario.config import builtin_configs
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.outcome import OUTCOME, outcome_of, verdict, worst_of
 from qpavoid.lab.simulation.run import RobotObstacle, among, run, run_fleet
@@ -196,8 +195,3 @@ def test_the_worst_robot_counts(three):
     outcomes["arrived"][1] = math.inf
     assert verdict(worst_of(outcomes)[0]) == "off goal"
     assert worst_of(np.zeros(1, OUTCOME)) == np.zeros(1, OUTCOME)
-
-
-@pytest.mark.parametrize("name", [n for n in builtin_configs() if n[:5] == "fleet"])
-def test_the_shipped_fleets_are_several(name):
-    assert len(load_scenario(name).robots) > 1

@@ -171,8 +171,6 @@ def test_png_and_negate(tmp_path):
     [
         ("negate: 0\n", "", "negate: Field required"),
         ("negate: 0", "negate: 2", "negate: Input should be a valid bool"),
-        ("negate: 0", "negate:", "negate: Input should be a valid bool"),
-        ("negate: 0", "negate: [" + 3000 * "[", "not readable YAML"),
         ("negate: 0", "negate: 0: 1", "not readable YAML"),
         ("negate: 0", "negate: &a [*a]", "aliases .* are not supported"),
         ("map.pgm", "[map.pgm]", "image: Input should be a valid string"),
@@ -180,15 +178,12 @@ def test_png_and_negate(tmp_path):
         (YAML, "0.65", "keys: Input should be"),
         ("negate: 0", "negate: 0\nmode: binary", "mode: Input should be .trinary"),
         ("0.65", "much", "occupied_thresh: Input should be a valid number"),
-        ("0.65", "nan", "occupied_thresh: Input should be a finite"),
         ("0.65", "0.1", "free_thresh <= occupied_thresh does not"),
         ("0.5", "-0.5", "resolution: Input should be greater than 0"),
         ("0.5", "true", "resolution: Input should be a valid number"),
         ("2.0, 0.0]", "2.0, 90]", "origin.2: Input should be less than"),
         ("[1.0, 2.0, 0.0]", "[1.0, 2.0]", "origin.2: Field required"),
-        ("[1.0, 2.0, 0.0]", "[1.0, 2.0, inf]", "origin.2: Input should be a finite"),
         ("map.pgm", "none.pgm", "none.pgm: not a readable image"),
-        ("map.pgm", "map.yaml", "cannot identify"),
     ],
 )
 def test_damaged_map_files(tmp_path, old, new, error):
