@@ -16,11 +16,11 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, BeforeValidator, Field, ValidationError
+from pydantic import BaseModel, Field
 
 from qpavoid.errors import DataError
 from qpavoid.files import below, read_bytes, read_yaml, reading
-from qpavoid.lab.worlds.source import data_roots, find_file
+from qpavoid.lab.worlds.source import Number, data_roots, find_file, parsed
 from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.stamps import file_digest
@@ -30,12 +30,6 @@ Cells: TypeAlias = npt.NDArray[np.bool_]
 
 MAP_FOLDERS = ("maps", "")
 MOST_PIXELS, MOST_WALLS, OPAQUE, DEEPEST = 16_000_000, 1_000_000, 255, 65_535
-
-Number: TypeAlias = Annotated[
-    float,
-    Field(allow_inf_nan=False),
-    BeforeValidator(lambda told: "bool" if isinstance(told, bool) else told),
-]
 
 
 class MapFile(BaseModel):
@@ -131,13 +125,7 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
     Raises:
         DataError: A file is missing, damaged, or not supported.
     """
-    told, folder = read_yaml(path), Path(path).parent
-    try:
-        file = MapFile.model_validate(told)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(map(str, first["loc"])) or "keys"
-        raise DataError(f"{path}: {where}: {first['msg']}") from None
+    file, folder = parsed(MapFile, read_yaml(path), path), Path(path).parent
     occupied, free = file.occupied_thresh, file.free_thresh
     if free > occupied:
         raise DataError(f"{path}: free_thresh <= occupied_thresh does not hold")
