@@ -235,7 +235,7 @@ def test_seeds_that_nobody_can_mean(scenario, seeds, message, capsys):
 @pytest.mark.parametrize(
     "change, message",
     [
-        ({"timeout_s": 1e12}, "1e.12 key frames"),
+        ({"timeout_s": 1e12}, "e.12 key frames"),
         ({"timeout_s": float("inf")}, "timeout_s: Input should be a finite"),
         ({"period": 1e-300, "t": [0.0, 1e-300]}, "key frames"),
     ],
