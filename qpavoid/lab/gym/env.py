@@ -15,8 +15,8 @@ from gymnasium.spaces import Box
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.scenario.scenario import Scenario
-from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
-from qpavoid.lab.simulation.loop import Sensor, Simulation, make_sensor
+from qpavoid.lab.sensing.lidar import Lidar, LidarSettings, Sensor
+from qpavoid.lab.simulation.loop import Simulation, make_sensor
 from qpavoid.lab.simulation.outcome import Goal
 from qpavoid.lab.study.sweep.job import find_scene
 from qpavoid.lab.study.sweep.sources import scenario_file
@@ -24,7 +24,6 @@ from qpavoid.lab.worlds.scenes import ScenarioFile
 from qpavoid.lab.worlds.source import Source
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import GREATEST
-from qpavoid.tracking.kanayama import tracking_error
 from qpavoid.types import Array
 
 VIEW, RAY = 1000.0, 10.0
@@ -202,7 +201,7 @@ class ScenarioEnv(gymnasium.Env):  # type: ignore[misc]
     def _observe(self) -> npt.NDArray[np.float32]:
         """Return the observation; note the distance from the goal."""
         pose = self._simulation.pose
-        x, y, turn = tracking_error(pose, self._simulation.goal)
+        x, y, turn = self._simulation.error(pose)
         place, self._away = np.clip([x, y], -VIEW, VIEW), math.hypot(x, y)
         head = *place, math.cos(turn), math.sin(turn), *self._simulation.driven
         row = np.concatenate([head, self._rays.ranges(pose, self._world())])

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from time import perf_counter
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.controllers import StepContext
@@ -14,7 +14,7 @@ from qpavoid.guide.state import Progress
 from qpavoid.lab.planning.planner import Planner, PlanningProblem, standing
 from qpavoid.lab.scenario.methods import find_method, make_controller
 from qpavoid.lab.scenario.scenario import AT_LAST, Scenario
-from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
+from qpavoid.lab.sensing.lidar import Sensor, scanner
 from qpavoid.lab.sensing.localisation import Locate
 from qpavoid.lab.sensing.physics import Physics
 from qpavoid.lab.sensing.plant import Drive
@@ -31,14 +31,9 @@ from qpavoid.model.contacts import contact_at, contact_table, empty_contacts
 from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
 from qpavoid.model.kinematics import integrate
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import GREATEST, Robot, limit_twist, limits_of
-from qpavoid.perception.perception import Perception
-from qpavoid.perception.settings import PerceptionSettings
+from qpavoid.model.robot import GREATEST, limit_twist, limits_of
 from qpavoid.tracking.kanayama import tracking_error
 from qpavoid.types import Array, Pose, Twist
-
-Sensor: TypeAlias = Callable[[float, Obstacles, Pose], Obstacles]
-"""From time, obstacles (world frame) and the true pose to obstacles, robot frame."""
 
 
 def make_sensor(scenario: Scenario) -> Sensor:
@@ -69,29 +64,6 @@ def make_plant(scenario: Scenario) -> Callable[[float, float, float], Drive]:
     if isinstance(scenario.plant, Physics):
         return scenario.plant.start(scenario.start)
     return scenario.plant.start()
-
-
-def scanner(
-    robot: Robot,
-    settings: LidarSettings,
-    bodies: PerceptionSettings | None = None,
-) -> Sensor:
-    """Return a LiDAR on a robot: points, or what perception makes of its scans."""
-    lidar = Lidar(settings)
-    perception = Perception(robot, settings.geometry, bodies)
-    taken = math.nan
-
-    def see(time: float, obstacles: Obstacles, pose: Pose) -> Obstacles:
-        nonlocal taken
-        points = lidar.scan(pose, time, obstacles)
-        if not settings.perception:
-            return Obstacles(points)
-        if lidar.taken != taken:
-            taken = lidar.taken
-            perception.update(lidar.last, taken, lidar.pose)
-        return perception.obstacles(time, pose)
-
-    return see
 
 
 def _estimator(settings: EstimatorSettings) -> Sensor:
@@ -265,6 +237,10 @@ class Simulation:
         self._believed = self._locate(self.pose, time + dt, wheels, dt)
         return row
 
+    def error(self, pose: Pose) -> Pose:
+        """Return the goal seen from a pose, m and rad."""
+        return tracking_error(pose, self.goal)
+
     def _guide(self, time: float, seen: Obstacles) -> tuple[Twist, bool, float]:
         """Return the twist to desire among what is seen, and whether there is none.
 
@@ -290,7 +266,7 @@ class Simulation:
             believed,
             tracking_error(believed, target[:3]),
             target[3:],
-            tracking_error(believed, self.goal),
+            self.error(believed),
             self.driven,
         )
 
