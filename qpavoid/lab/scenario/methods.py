@@ -26,7 +26,7 @@ from qpavoid.avoidance.decision import Decision
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import ConfigError, InvalidInputError, UnknownNameError
 from qpavoid.guide.settings import GuideSettings
-from qpavoid.lab.baselines.drive import Command, stepping
+from qpavoid.lab.baselines.drive import Baseline, Command, stepping
 from qpavoid.lab.planning.grid import SEARCHES
 from qpavoid.lab.scenario.plug_ins import load_object, source_of
 from qpavoid.lab.scenario.scenario import Scenario
@@ -317,7 +317,7 @@ def check_call(name: str, function: Any, told: tuple[str, ...]) -> None:
 
 
 @dataclass(frozen=True)
-class OwnController:
+class OwnController(Baseline):
     """A method of one's own, driven like all others: cut to the limits, and timed.
 
     Attributes:
@@ -325,14 +325,10 @@ class OwnController:
         method: A function (v, ω, obstacles, context) → (v, ω), everything in the robot
             frame, m/s and rad/s; or what has ``start(v, omega)``, which returns such a
             function for every run. It may return a :class:`Decision` instead.
-        robot: Footprint and limits.
-        settings: The control step.
     """
 
     name: str
     method: Any
-    robot: Robot
-    settings: AvoidanceSettings
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
@@ -389,4 +385,4 @@ def own_controller(
         raise InvalidInputError(f"{name}: {thing!r} has no start and cannot be called")
     if not hasattr(thing, "start"):
         check_call(name, thing, METHOD)
-    return OwnController(name, thing, robot, settings)
+    return OwnController(robot, settings, name, thing)
