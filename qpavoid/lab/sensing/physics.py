@@ -26,8 +26,12 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from qpavoid.errors import MissingExtraError
-from qpavoid.lab.sensing.plant import Drive, wheel_speeds, wheel_twist
-from qpavoid.model.kinematics import STRAIGHT, wrap_angle
+from qpavoid.lab.sensing.plant import (
+    Drive,
+    twist_between,
+    wheel_speeds,
+    wheel_twist,
+)
 from qpavoid.settings import FINITE, NOT_NEGATIVE, POSITIVE, Range, check, want
 from qpavoid.types import Pose, Twist
 
@@ -217,16 +221,9 @@ class PhysicsRun:
 
     def _mean(self, before: Pose, turned: list[float], dt: float) -> Drive:
         """Return the mean twists of a motion of the base."""
-        (x, y, heading), (x_0, y_0, heading_0) = self.pose, before
-        angle = wrap_angle(heading - heading_0)
-        half = 0.5 * angle
-        sinc = math.sin(half) / half if abs(half) > STRAIGHT else 1.0 - half**2 / 6.0
-        cos, sin = math.cos(heading_0 + half), math.sin(heading_0 + half)
-        ahead = (cos * (x - x_0) + sin * (y - y_0)) / (sinc * dt)
-        lateral = (cos * (y - y_0) - sin * (x - x_0)) / (sinc * dt)
+        v, omega, lateral = twist_between(before, self.pose, dt)
         sides = len(turned) // 2
         left, right = (
             self._radius * sum(turned[side::2]) / (sides * dt) for side in (0, 1)
         )
-        wheels = wheel_twist(left, right, self._track)
-        return Drive(wheels, (ahead, angle / dt), lateral)
+        return Drive(wheel_twist(left, right, self._track), (v, omega), lateral)

@@ -18,8 +18,7 @@ import numpy as np
 
 from qpavoid.errors import DataError
 from qpavoid.files import read_lines, reading
-from qpavoid.model.kinematics import wrap_angle
-from qpavoid.types import Array, Pose
+from qpavoid.types import Array
 
 BEAMS = (180, 181, 360, 361)
 """Numbers of beams of known directions; FLASER has no field of view."""
@@ -103,17 +102,6 @@ def _scan(where: str, line: str) -> Scan:
     return Scan(
         float(numbers[-1]), (x, y, heading), numbers[:beams], beam_angles(beams)
     )
-
-
-def twist_between(start: Pose, end: Pose, dt: float) -> tuple[float, float]:
-    """Return the twist whose arc has the chord and turn of a motion.
-
-    A lateral part of the motion, which the robot cannot drive, is left out.
-    """
-    turn = wrap_angle(end[2] - start[2])
-    middle = start[2] + 0.5 * turn
-    chord = (end[0] - start[0]) * np.cos(middle) + (end[1] - start[1]) * np.sin(middle)
-    return float(chord / np.sinc(turn / (2.0 * np.pi)) / dt), turn / dt
 
 
 def in_order(scans: Sequence[Scan], where: str = "") -> list[Scan]:
