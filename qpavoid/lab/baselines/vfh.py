@@ -12,7 +12,6 @@ from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.lab.baselines.drive import (
     Baseline,
     Command,
-    Method,
     line_points,
     reference_ahead,
     stepping,
@@ -187,9 +186,6 @@ class HistogramController(Baseline):
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
-        return stepping(self.robot, self.settings.dt, (v, omega), self._plan())
-
-    def _plan(self) -> Method:
         histogram, radius = np.zeros(SECTORS), self._circle()
         blocked, last = np.zeros(SECTORS, dtype=np.bool_), -1.0
         width, limits = 2.0 * math.pi / SECTORS, self.robot.limits
@@ -223,7 +219,7 @@ class HistogramController(Baseline):
             pace *= 1.0 - float(histogram[sector(ahead)])
             return Command((pace * max(0.0, math.cos(angle)), self.turn * angle))
 
-        return plan
+        return stepping(self.robot, self.settings.dt, (v, omega), plan)
 
     def _circle(self) -> float:
         """Return the radius of the robot with its margin, m."""

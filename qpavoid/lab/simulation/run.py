@@ -74,11 +74,10 @@ def among(world: Obstacles, bodies: Sequence[Array]) -> Iterator[Obstacles]:
     """
     for i in range(len(bodies) or 1):
         others = [*bodies[:i], *bodies[i + 1 :]]
-        yield world.joined(_all(others)) if others else world
-
-
-def _all(bodies: Sequence[Array]) -> Obstacles:
-    return Obstacles.of(NO_POINTS, np.vstack(bodies))
+        if others:
+            yield world.joined(Obstacles.of(NO_POINTS, np.vstack(others)))
+        else:
+            yield world
 
 
 def run(

@@ -5,7 +5,6 @@ import pytest
 
 from guided import SETTINGS, make, towards
 from qpavoid.lab.baselines.drive import body_discs, reference_ahead, wide_discs
-from qpavoid.lab.baselines.nmpc import polygon_barriers
 from qpavoid.lab.baselines.predictive import Situation
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.obstacles import Obstacles
@@ -54,14 +53,6 @@ def test_a_smaller_share_gives_way_sooner():
         planned(ahead, gamma=gamma)[0].twists[0, 0] for gamma in (0.03, 0.06, 1.0)
     ]
     assert speeds[0] < speeds[1] < speeds[2]
-
-
-def test_with_a_share_of_one_the_distance_alone_is_kept():
-    method = make("mpc-cbf", gamma=1.0)
-    assert method.keep.gamma == 1.0 and method.keep.barriers is not polygon_barriers
-    plan, discs = planned(CROSSES, gamma=1.0)
-    h = barriers(plan.poses, discs[0], 0.2, method.discs)
-    assert (h > -2e-3).all() and (h[:, 1:] < 0.5 * h[:, :-1]).any()
 
 
 DODECAGON = [[0.3 * np.cos(t), 0.3 * np.sin(t)] for t in np.arange(0, 6.2, 0.5236)]

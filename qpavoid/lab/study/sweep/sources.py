@@ -118,14 +118,10 @@ class SceneItems(Strict):
     generators: list[GeneratorItem] = Field(default_factory=list)
 
 
-def document_of(source: Source) -> dict[str, Any]:
-    """Return what a scenario file says; of other sources nothing, they draw scenes."""
-    return source.sample() if isinstance(source, ScenarioFile) else {}
-
-
-def controllers_in(document: Mapping[str, Any]) -> list[str]:
+def controllers_in(source: Source) -> list[str]:
     """Return the methods that a scenario file gives to robots of its own."""
-    robots = document.get("robots", [])
+    known = isinstance(source, ScenarioFile)
+    robots = source.sample().get("robots", []) if known else []
     return [robot["controller"] for robot in robots if "controller" in robot]
 
 

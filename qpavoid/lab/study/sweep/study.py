@@ -33,7 +33,6 @@ from qpavoid.lab.study.sweep.sources import (
     SceneItems,
     check_scene,
     controllers_in,
-    document_of,
     make_sources,
 )
 from qpavoid.lab.worlds.source import Source
@@ -113,7 +112,7 @@ class Study:
             # run is then done again exactly if something of that has changed.
             code = getattr(sys.modules[type(source).__module__], "__file__", "")
             place = source.identity(self.data) + code_stamp() + source_stamp(Path(code))
-            place += "".join(map(own_stamp, controllers_in(document_of(source))))
+            place += "".join(map(own_stamp, controllers_in(source)))
             for seed, changes in product(seeds, self.variations):
                 for controller, own, label, solver in variants:
                     known = place + stamps[controller]
