@@ -66,7 +66,7 @@ def find_scenes(
     if isinstance(source, str | os.PathLike):
         source = scenario_file(os.fspath(source))
     fixed = isinstance(source, ScenarioFile) and not source.is_drawn
-    scenes: Scenes = {}
+    scenes: dict[int | None, Scenario] = {}
     for seed in seeds if seeds is not None else [None] if fixed else range(100):
         try:
             scene = find_scene(source, seed, "{}", None)
