@@ -147,23 +147,50 @@ def test_all_kinds_of_pgm_give_the_same(tmp_path, image):
     assert grid.free.tolist() == [[False, False, True], [False, False, True]]
 
 
-def test_png_and_negate(tmp_path):
-    from matplotlib.image import imsave
+def test_modes_of_a_map(tmp_path):
+    """50 of 255 is dark, so occupied; as percent it is neither."""
+    (tmp_path / "m.pgm").write_bytes(b"P2 4 1 255\n0 50 100 255\n")
+    text = "image: m.pgm\nresolution: 1\norigin: [0, 0, 0]\nnegate: 0\n"
+    text += "occupied_thresh: 0.65\nfree_thresh: 0.2\n"
+    found = {}
+    for mode in ("trinary", "scale", "raw"):
+        (tmp_path / "m.yaml").write_text(f"{text}mode: {mode}\n")
+        chart = map_server.read_map(tmp_path / "m.yaml")
+        found[mode] = chart.occupied.tolist(), chart.free.tolist()
+    free = [False, False, False, True]
+    assert found["trinary"] == found["scale"] == ([[True, True, False, False]], [free])
+    assert found["raw"] == ([[False, False, True, False]], [[True] + [False] * 3])
 
-    grey = np.array([[255, 50, 1], [255, 255, 1]], dtype=np.uint8)
-    imsave(tmp_path / "map.png", np.dstack([grey] * 3), format="png")
-    yaml = YAML.replace("map.pgm", '"map.png"  # RGBA').replace(
-        "negate: 0", "negate: 1"
-    )
-    grid = map_server.read_map(write_map(tmp_path, yaml=yaml))
-    assert grid.occupied.tolist() == [[True, True, False], [True, False, False]]
-    imsave(tmp_path / "map.png", np.dstack([grey] * 4), format="png")
+
+@pytest.mark.parametrize("mode", ["trinary", "raw"])
+@pytest.mark.parametrize("negate", [0, 1])
+def test_a_map_is_the_same_as_png_and_pgm(tmp_path, mode, negate):
+    """matplotlib reads PNG as float32: a threshold was met by pixels below it."""
+    image = pytest.importorskip("PIL.Image")
+    every = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    text = f"resolution: 1\norigin: [0, 0, 0]\nnegate: {negate}\nmode: {mode}\n"
+    found = []
+    for name in ("m.pgm", "m.png"):
+        image.fromarray(every).save(tmp_path / name)
+        for occupied, free in ((0.6, 0.2), (165 / 255, 90 / 255), (0.65, 0.196)):
+            limits = f"occupied_thresh: {occupied}\nfree_thresh: {free}\n"
+            (tmp_path / "m.yaml").write_text(f"image: {name}\n{text}{limits}")
+            chart = map_server.read_map(tmp_path / "m.yaml")
+            found.append((chart.occupied.tolist(), chart.free.tolist()))
+    assert found[:3] == found[3:]
+
+
+def test_images_that_cannot_be_read(tmp_path):
+    image = pytest.importorskip("PIL.Image")
+    clear = image.fromarray(np.full((2, 3, 4), 99, dtype=np.uint8))
+    clear.save(tmp_path / "map.png")
+    path = write_map(tmp_path, yaml=YAML.replace("map.pgm", '"map.png"  # RGBA'))
     with pytest.raises(DataError, match="transparent"):
-        map_server.read_map(tmp_path / "map.yaml")
+        map_server.read_map(path)
     whole = (tmp_path / "map.png").read_bytes()
-    (tmp_path / "map.png").write_bytes(whole[:60])
+    (tmp_path / "map.png").write_bytes(whole[:40])
     with pytest.raises(DataError, match="map.png: not a readable image"):
-        map_server.read_map(tmp_path / "map.yaml")
+        map_server.read_map(path)
 
 
 @pytest.mark.parametrize(
