@@ -46,7 +46,6 @@ MOST_FILES = 14
 FOLDERS = {
     "tests": 16,
     "tests/avoidance": 27,
-    "tests/comparisons": 15,
     "tests/support": 28,
 }
 """Folders of more modules than that, without ``__init__``."""

@@ -14,7 +14,6 @@ from qpavoid.lab.baselines.drive import (
     out_of_reach,
     reference_ahead,
     soonest_reached,
-    stepping,
     wide_discs,
     wide_lines,
     wide_still,
@@ -107,7 +106,7 @@ class MppiController(Baseline):
             v, omega = now.tolist()
             return command_of((v, omega), float(mean[0, -1]))
 
-        return stepping(self.robot, self.settings.dt, (v, omega), plan, TICK)
+        return self.stepping((v, omega), plan, TICK)
 
     def judgement(self, obstacles: Obstacles, context: StepContext) -> "Judgement":
         """Return the context of the samples' cost in this step."""

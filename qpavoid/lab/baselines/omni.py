@@ -8,7 +8,7 @@ import numpy as np
 from qpavoid.avoidance.cbf_rows import wanted_distance
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Status
-from qpavoid.lab.baselines.drive import FAILED, Baseline, Command, stepping
+from qpavoid.lab.baselines.drive import FAILED, Baseline, Command
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import TINY
 from qpavoid.model.obstacles import Obstacles
@@ -61,7 +61,7 @@ class OmniController(Baseline):
             ahead, lateral = solution.u.tolist()
             return Command((ahead, turn), status, solution.slack, lateral=lateral)
 
-        return stepping(self.robot, self.settings.dt, (v, omega), plan)
+        return self.stepping((v, omega), plan)
 
     def turn_rate(self, context: StepContext) -> float:
         """Return ω, rad/s, within the limits."""

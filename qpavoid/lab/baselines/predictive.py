@@ -15,7 +15,6 @@ from qpavoid.lab.baselines.drive import (
     Baseline,
     Command,
     line_points,
-    stepping,
     wide_discs,
 )
 from qpavoid.model.contact import point_contact
@@ -109,7 +108,7 @@ class Predictive(Baseline):
             v, omega = kept.twists[0].tolist()
             return command_of((v, omega), float(kept.slack.max()))
 
-        return stepping(self.robot, self.settings.dt, (v, omega), plan, PERIOD)
+        return self.stepping((v, omega), plan, PERIOD)
 
     def program(self) -> Any:
         """Return the solver, shared by all runs of equal settings."""

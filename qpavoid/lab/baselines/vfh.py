@@ -14,9 +14,7 @@ from qpavoid.lab.baselines.drive import (
     Command,
     line_points,
     reference_ahead,
-    stepping,
 )
-from qpavoid.lab.baselines.stopping import brake
 from qpavoid.model.kinematics import TINY, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.types import Array, Matrix, Sizes, Twist, Vector, VectorWritten
@@ -213,13 +211,13 @@ class HistogramController(Baseline):
                 masked.astype(np.float64), target, ahead, target if last < 0.0 else last
             )
             if last < 0.0:
-                return brake(self.robot, context.driven, self.settings.dt)
+                return self.brake(context)
             angle = wrap_angle((last - ahead) * width)
             pace = min(away / self.preview, limits.v_max)
             pace *= 1.0 - float(histogram[sector(ahead)])
             return Command((pace * max(0.0, math.cos(angle)), self.turn * angle))
 
-        return stepping(self.robot, self.settings.dt, (v, omega), plan)
+        return self.stepping((v, omega), plan)
 
     def _circle(self) -> float:
         """Return the radius of the robot with its margin, m."""

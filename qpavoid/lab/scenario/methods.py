@@ -26,7 +26,7 @@ from qpavoid.avoidance.decision import Decision
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import ConfigError, InvalidInputError, UnknownNameError
 from qpavoid.guide.settings import GuideSettings
-from qpavoid.lab.baselines.drive import Baseline, Command, stepping
+from qpavoid.lab.baselines.drive import Baseline, Command
 from qpavoid.lab.planning.grid import SEARCHES
 from qpavoid.lab.scenario.plug_ins import load_object, source_of
 from qpavoid.lab.scenario.scenario import Scenario
@@ -345,7 +345,7 @@ class OwnController(Baseline):
                 return Command(twist, *more)
             return Command(self._twist(found))
 
-        return stepping(self.robot, self.settings.dt, (v, omega), plan)
+        return self.stepping((v, omega), plan)
 
     def _function(self, v: float, omega: float) -> Callable[..., Any]:
         """Return the function of a new run: the method, or what its start returns."""
