@@ -57,6 +57,15 @@ class LogRow(NamedTuple):
 
 COLUMNS = LogRow._fields
 
+POLYGONS = {"corners": np.empty((1, 0, 2)), "polygons": np.empty(0)}
+"""Defaults of arrays that older logs, without polygons, lack."""
+
+ARRAYS = (
+    *("final", "final_reference", "discs", "points", "walls", "vertices"),
+    *POLYGONS,
+)
+"""Arrays of a log beside its columns."""
+
 PACKAGES = "numpy numba osqp casadi qpsolvers daqp scipy mujoco".split()
 
 
@@ -87,8 +96,8 @@ class Log:
     points: Array
     walls: Array
     vertices: Array
-    corners: Array = field(default_factory=lambda: np.empty((1, 0, 2)))
-    polygons: Array = field(default_factory=lambda: np.empty(0))
+    corners: Array = field(default_factory=lambda: POLYGONS["corners"])
+    polygons: Array = field(default_factory=lambda: POLYGONS["polygons"])
 
     def __repr__(self) -> str:
         meta = self.meta
@@ -112,7 +121,7 @@ class Log:
 
     def save(self, path: str | os.PathLike[str] | BinaryIO) -> None:
         """Write the log as a compressed ``.npz`` file without pickled objects."""
-        arrays = {name: getattr(self, name) for name in SHAPES}
+        arrays = {name: getattr(self, name) for name in ARRAYS}
         meta = np.array(json.dumps(dict(self.meta)))
         arrays |= {"meta": meta, **self.columns}
         np.savez_compressed(path, allow_pickle=False, **arrays)
@@ -125,9 +134,9 @@ class Log:
             DataError: The file is missing, damaged or not a log.
         """
         with reading(path, "not a readable log"):
-            data = read_arrays(path)
+            data = POLYGONS | read_arrays(path)
             columns = {name: data[name] for name in COLUMNS}
-            arrays = {name: data[name] for name in SHAPES}
+            arrays = {name: data[name] for name in ARRAYS}
             meta = json.loads(str(data["meta"]))
             if wrong := misfit(meta, columns, arrays):
                 raise DataError(f"{path}: not a readable log ({wrong})")
