@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from qpavoid.lab.scenario import schema
 from qpavoid.lab.scenario.config import find_config, read_document, validated
 from qpavoid.lab.scenario.keys import read, values
 from qpavoid.lab.scenario.world import Pushed, Track, World
-from qpavoid.lab.sensing.lidar import LidarSettings
+from qpavoid.lab.sensing.lidar import AnySensor, LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
 from qpavoid.lab.sensing.physics import Physics
 from qpavoid.lab.sensing.plant import Plant
@@ -49,18 +49,6 @@ SEED_STRIDE, DRAWS = 1_000_003, 1
 
 AT_LAST: Array = np.array([1e9])
 """s; by then every path has come to its goal."""
-
-
-class Sensor(Protocol):
-    """A sensor that is given from Python."""
-
-    def start(self) -> Callable[[float, Obstacles, Pose], Obstacles]:
-        """Return the function of a new run.
-
-        From time (s), obstacles in the world frame and the robot's true pose to the
-        obstacles that are seen, robot frame.
-        """
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +102,7 @@ class Scenario:
     lidar: LidarSettings | None = None
     perception: PerceptionSettings = field(default_factory=PerceptionSettings)
     localisation: MotionCapture | Uwb | None = None
-    sensor: Sensor | None = None
+    sensor: AnySensor | None = None
     plant: Plant | Physics | None = None
     guide: GuideSettings | None = None
     planner: PlannerSettings = field(default_factory=PlannerSettings)

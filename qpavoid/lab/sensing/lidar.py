@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, TypeAlias
+from typing import Annotated, Protocol, TypeAlias
 
 import numpy as np
 
@@ -222,6 +222,14 @@ class Lidar:
 
 Sensor: TypeAlias = Callable[[float, Obstacles, Pose], Obstacles]
 """From time, obstacles (world frame) and the true pose to obstacles, robot frame."""
+
+
+class AnySensor(Protocol):
+    """A sensor that is given from Python."""
+
+    def start(self) -> Sensor:
+        """Return the function of a new run."""
+        ...
 
 
 def scanner(

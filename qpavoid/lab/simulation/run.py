@@ -97,7 +97,7 @@ def run(
         controller: Name of the controller, see
             :mod:`qpavoid.lab.scenario.methods`; or one's own: a function
             (v, ω, obstacles, context) → (v, ω), or a class, see
-            :class:`~qpavoid.lab.scenario.methods.OwnController`.
+            :class:`~qpavoid.lab.baselines.own.OwnController`.
         solver: Back end of the QP filter; other methods have none.
         progress: Called after every step with the number of steps done.
 
