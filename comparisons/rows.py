@@ -219,13 +219,13 @@ def cell_of(row: Mapping[str, Any]) -> str:
 
 def runs_of(folder: Path) -> Iterator[tuple[Scene, str, Mapping[str, Any]]]:
     """Yield scene, method and row of every run of a sweep or a script."""
-    from qpavoid.lab.study.report import who
+    from qpavoid.lab.scenario.methods import labelled
     from qpavoid.lab.study.sweep.store import read_rows
 
     if (folder / "runs").is_dir():
         for row in read_rows(folder):
             seed = "" if row["seed"] is None else str(row["seed"])
-            yield (str(row["scenario"]), seed), who(row), row
+            yield (str(row["scenario"]), seed), labelled(row), row
         return
     with (folder / "runs.csv").open(newline="", encoding="utf-8") as file:
         for line in csv.DictReader(file):

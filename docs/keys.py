@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from qpavoid.lab.simulation.tables import UNITS
+from qpavoid.lab.scenario.keys import UNITS
 
 BOUNDS = {
     "exclusiveMinimum": ">",

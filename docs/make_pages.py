@@ -12,7 +12,7 @@ from qpavoid.cli import COMMANDS
 from qpavoid.errors import MissingExtraError
 from qpavoid.lab.play.page import play_page
 from qpavoid.lab.play.program import program
-from qpavoid.lab.simulation.schema import ScenarioModel
+from qpavoid.lab.scenario.schema import ScenarioModel
 from qpavoid.lab.study.sweep.study import StudyModel
 from qpavoid.lab.study.tables import markdown_table
 

@@ -34,10 +34,10 @@ if TYPE_CHECKING:
     )
     from qpavoid.guide.guide import Guide
     from qpavoid.guide.settings import GuideSettings
+    from qpavoid.lab.scenario.methods import make_controller
+    from qpavoid.lab.scenario.scenario import Scenario, load_scenario
     from qpavoid.lab.simulation.log import Log
-    from qpavoid.lab.simulation.methods import make_controller
     from qpavoid.lab.simulation.run import run
-    from qpavoid.lab.simulation.scenario import Scenario, load_scenario
     from qpavoid.lab.study.metrics import metrics
     from qpavoid.model.contacts import Contacts
     from qpavoid.model.estimate import VelocityEstimator
@@ -78,7 +78,7 @@ _HOME = {
     "Robot": "model.robot",
     "SafetyFilter": "avoidance.filter",
     "SafetyRadius": "avoidance.settings",
-    "Scenario": "lab.simulation.scenario",
+    "Scenario": "lab.scenario.scenario",
     "Solution": "qp.problem",
     "SolveStatus": "qp.problem",
     "Stamps": "avoidance.inputs",
@@ -86,8 +86,8 @@ _HOME = {
     "UnknownNameError": "errors",
     "VelocityEstimator": "model.estimate",
     "back_end_names": "qp.solve",
-    "load_scenario": "lab.simulation.scenario",
-    "make_controller": "lab.simulation.methods",
+    "load_scenario": "lab.scenario.scenario",
+    "make_controller": "lab.scenario.methods",
     "metrics": "lab.study.metrics",
     "run": "lab.simulation.run",
     "solve": "qp.solve",

@@ -19,9 +19,6 @@ from qpavoid.errors import InvalidInputError
 NO_KEY = "no key"
 """Mark of a field without a key in files: it is set by the robot or the scenario."""
 
-TABLE = "table"
-"""Mark of a field that holds settings: in files a table within the table."""
-
 BOUNDS = {">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le}
 
 
@@ -127,7 +124,7 @@ def _setting(item: Any) -> Setting | None:
     if not told and kind is not bool and get_origin(kind) is not Literal:
         return None
     many = get_origin(kind) is tuple
-    units = [x for x in told if isinstance(x, str) and x not in (NO_KEY, TABLE)]
+    units = [x for x in told if isinstance(x, str) and x != NO_KEY]
     keys = next((x for x in told if type(x) is tuple), ("_".join([item.name, *units]),))
     return Setting(
         item.name,

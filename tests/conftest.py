@@ -8,8 +8,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 from matplotlib.figure import Figure
 
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.model.robot import Robot
 from scenario_files import CROSSING, SLOW
 

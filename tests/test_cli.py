@@ -13,10 +13,10 @@ import pytest
 
 from qpavoid.cli import COMMANDS, main
 from qpavoid.cli.output import waiting
-from qpavoid.lab.simulation.config import builtin_configs
+from qpavoid.lab.scenario.config import builtin_configs
+from qpavoid.lab.scenario.methods import OURS
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.log import Log
-from qpavoid.lab.simulation.methods import OURS
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study import compare
 
 SCENARIO = """
@@ -135,7 +135,7 @@ def test_lists(capsys, monkeypatch):
     assert main(["list", "controllers"]) == 0
     printed = capsys.readouterr().out
     assert printed.split()[0] == "eq5" and "NAME+guide" in printed
-    monkeypatch.setattr("qpavoid.lab.simulation.methods.find_spec", lambda name: None)
+    monkeypatch.setattr("qpavoid.lab.scenario.methods.find_spec", lambda name: None)
     assert main(["list", "controllers"]) == 0
     lines = capsys.readouterr().out.splitlines()
     lacking = [line.split()[0] for line in lines if "pip install 'qpavoid[" in line]

@@ -6,16 +6,16 @@ from types import SimpleNamespace
 
 import pytest
 
-from minimal import STATION
+from minimal import MINIMAL
 from qpavoid import compiled
 from qpavoid.cli import build_parser, doctor, main
-from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.stamps import PACKAGE, source_stamp
 
 
 def test_an_unknown_key_lists_those_of_its_table(tmp_path, capsys):
     path = tmp_path / "a.toml"
-    path.write_text(STATION + "[radius]\nr_min_slow = 0.1\n")
+    path.write_text(MINIMAL + "[radius]\nr_min_slow = 0.1\n")
     assert main(["check", str(path)]) == 1
     said = capsys.readouterr().err
     assert "did you mean 'r_min_slow_m'? Known: r_min_slow_m, r_min_fast_m, " in said
@@ -167,7 +167,7 @@ def test_without_numba_there_is_nothing_to_warm(monkeypatch, capsys):
 @pytest.mark.usefixtures("undrawn")
 def test_json_is_all_that_is_printed(tmp_path, capsys):
     path = tmp_path / "short.toml"
-    path.write_text(STATION)
+    path.write_text(MINIMAL)
     told = ["--controllers", "eq5,qp", "--out", str(tmp_path / "out"), "--json"]
     assert main(["compare", str(path), *told]) == 0
     rows = json.loads(capsys.readouterr().out)
@@ -181,7 +181,7 @@ def test_json_is_all_that_is_printed(tmp_path, capsys):
 @pytest.mark.usefixtures("undrawn")
 def test_quiet_prints_errors_alone(tmp_path, capsys):
     path = tmp_path / "short.toml"
-    path.write_text(STATION)
+    path.write_text(MINIMAL)
     told = ["--controllers", "eq5", "--out", str(tmp_path / "out"), "--quiet"]
     assert main(["compare", str(path), *told]) == 0
     assert capsys.readouterr().out == "" and (tmp_path / "out/summary.csv").is_file()

@@ -12,7 +12,7 @@ import zlib
 import numpy as np
 import pytest
 
-from minimal import STATION
+from minimal import MINIMAL
 from qpavoid import files
 from qpavoid.cli import main
 from qpavoid.errors import (
@@ -21,8 +21,8 @@ from qpavoid.errors import (
     QPAvoidError,
     UnknownNameError,
 )
-from qpavoid.lab.simulation.config import find_config
-from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.scenario.config import find_config
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.worlds import dynabarn
 from qpavoid.lab.worlds.carmen import read_scans
 from qpavoid.lab.worlds.map_server import read_image, read_map
@@ -235,9 +235,8 @@ def test_seeds_that_nobody_can_mean(scenario, seeds, message, capsys):
 @pytest.mark.parametrize(
     "change, message",
     [
-        ({"timeout_s": 1e12}, "key frames in 1e"),
-        ({"timeout_s": float("inf")}, "key frames in inf"),
-        ({"timeout_s": float("nan")}, "key frames"),
+        ({"timeout_s": 1e12}, "e.12 key frames"),
+        ({"timeout_s": float("inf")}, "timeout_s: Input should be a finite"),
         ({"period": 1e-300, "t": [0.0, 1e-300]}, "key frames"),
     ],
 )
@@ -293,7 +292,7 @@ def elsewhere(tmp_path, scenario):
 @pytest.mark.parametrize("name", ["../there.csv", "link.csv", "{}/there.csv"])
 def test_a_scenario_leads_nowhere_else(elsewhere, scenario, name, monkeypatch, capsys):
     monkeypatch.delenv(files.TRUST, raising=False)
-    path = scenario(POINTS.format(name.format(elsewhere)), STATION)
+    path = scenario(POINTS.format(name.format(elsewhere)), MINIMAL)
     with pytest.raises(DataError, match=r"leads out of .*--trust-paths"):
         load_scenario(path)
     assert main(["check", str(path)]) == 1
@@ -327,7 +326,7 @@ def test_names_that_no_file_has(scenario, name):
 
 def test_a_study_leads_nowhere_else(elsewhere, scenario, capsys, monkeypatch):
     monkeypatch.delenv(files.TRUST, raising=False)
-    scenario("", STATION)
+    scenario("", MINIMAL)
     study = elsewhere / "here" / "below" / "study.toml"
     study.parent.mkdir()
     study.write_text(

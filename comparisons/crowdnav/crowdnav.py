@@ -39,7 +39,7 @@ from crowdnav_world import (
     judge_tick,
 )
 from qpavoid.errors import QPAvoidError
-from qpavoid.lab.simulation.methods import check_methods
+from qpavoid.lab.scenario.methods import check_methods
 from qpavoid.lab.simulation.outcome import CRAWL, PROGRESS, STALLED
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.types import Array

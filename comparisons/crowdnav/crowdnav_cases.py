@@ -18,7 +18,7 @@ from crowdnav_world import (
     People,
     draw_people,
 )
-from qpavoid.lab.simulation.scenario import Scenario, make_scenario
+from qpavoid.lab.scenario.scenario import Scenario, make_scenario
 
 ANGLES = 2.0 * np.pi * np.arange(12) / 12
 FOOTPRINT = RADIUS * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])

@@ -9,7 +9,7 @@ import numpy as np
 from crowdnav_cases import Crowd, make_scene
 from crowdnav_world import GOAL, RADIUS, START, TICK, Orca, People
 from qpavoid.lab.simulation.log import COLUMNS
-from qpavoid.lab.simulation.simulation import Simulation
+from qpavoid.lab.simulation.loop import Simulation
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.types import Array, Pose
 

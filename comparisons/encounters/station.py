@@ -25,8 +25,7 @@ from matplotlib.patches import Circle
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "perception"))
 from perception_loops import ROBOT, SETTINGS, touches  # type: ignore[import-not-found]
 from qpavoid.guide.guide import Guide
-from qpavoid.lab.sensing.lidar import LidarSettings
-from qpavoid.lab.simulation.simulation import Sensor, scanner
+from qpavoid.lab.sensing.lidar import LidarSettings, Sensor, scanner
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.model.kinematics import integrate, to_world
 from qpavoid.model.obstacles import Obstacles

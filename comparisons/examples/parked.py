@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import qpavoid as qp
-from qpavoid.lab.simulation.scenario import make_scenario
+from qpavoid.lab.scenario.scenario import make_scenario
 from qpavoid.lab.study.plots import paths
 
 SCENE = {

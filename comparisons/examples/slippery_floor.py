@@ -13,8 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import qpavoid as qp
+from qpavoid.lab.scenario.scenario import make_scenario
 from qpavoid.lab.sensing.physics import Patch, Physics
-from qpavoid.lab.simulation.scenario import make_scenario
 from qpavoid.lab.study.plots import distance
 
 FRICTION, GRAVITY = 0.1, 9.81

@@ -11,8 +11,8 @@ import sys
 from pathlib import Path
 
 import qpavoid as qp
-from qpavoid.lab.simulation.config import changed
-from qpavoid.lab.simulation.scenario import make_scenario
+from qpavoid.lab.scenario.config import changed
+from qpavoid.lab.scenario.scenario import make_scenario
 from qpavoid.lab.study.plots import distance
 
 SETS_OFF = 3.9  # s; the robot's tip is beside that person then

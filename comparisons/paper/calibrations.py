@@ -33,10 +33,10 @@ import numpy as np
 
 from measures import entered, final, left
 from qpavoid.avoidance.settings import Activation, Repulsion
+from qpavoid.lab.scenario.scenario import Scenario, load_scenario
+from qpavoid.lab.scenario.world import Track, World
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import Scenario, load_scenario
-from qpavoid.lab.simulation.world import Track, World
 from qpavoid.lab.study.statistics import wilson
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.model.contacts import Contacts

@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.lab.baselines.drive import body_discs
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.metrics import metrics
 from qpavoid.types import Array
 

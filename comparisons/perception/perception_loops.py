@@ -25,8 +25,7 @@ from perception_scenes import (
     passer,
     walk_line,
 )
-from qpavoid.lab.sensing.lidar import LidarSettings
-from qpavoid.lab.simulation.simulation import scanner
+from qpavoid.lab.sensing.lidar import LidarSettings, scanner
 from qpavoid.model.contacts import clearance_of
 from qpavoid.model.kinematics import integrate
 from qpavoid.model.obstacles import Obstacles

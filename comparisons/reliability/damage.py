@@ -27,10 +27,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from qpavoid.errors import QPAvoidError
-from qpavoid.lab.simulation.config import builtin_configs, config_folder
+from qpavoid.lab.scenario.config import builtin_configs, config_folder
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.bags import BagWriter, bag_drive
 from qpavoid.lab.study.replay import read_parameters
 from qpavoid.lab.study.sweep.store import Store, read_rows, shards

@@ -23,7 +23,8 @@ import numpy as np
 
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.errors import QPAvoidError
-from qpavoid.lab.simulation.methods import check_methods, make_controller
+from qpavoid.lab.scenario.methods import check_methods, make_controller
+from qpavoid.lab.sensing.plant import twist_between
 from qpavoid.lab.simulation.outcome import differs
 from qpavoid.lab.study.replay import PIONEER
 from qpavoid.lab.study.tables import write_csv
@@ -32,7 +33,6 @@ from qpavoid.lab.worlds.carmen import (
     hold_time,
     in_order,
     read_scans,
-    twist_between,
 )
 from qpavoid.lab.worlds.source import find_file
 from qpavoid.model.contacts import Contacts
@@ -81,7 +81,7 @@ def make_moments(scans: Sequence[Scan]) -> list[Moment]:
     moments = []
     for k, scan in enumerate(scans[:-1]):
         time = scans[k + 1].time - scan.time
-        v, omega = twist_between(axles[k], axles[k + 1], time)
+        v, omega, _ = twist_between(axles[k], axles[k + 1], time)
         bounded = (
             float(np.clip(v, limits.v_min, limits.v_max)),
             float(np.clip(omega, limits.omega_min, limits.omega_max)),

@@ -42,13 +42,13 @@ def metric(row: dict[str, Any], optimal: float) -> float:
 
 def print_metric(folder: Path, data: Path | None) -> None:
     """Print the mean metric of a sweep's runs by scenario and method."""
-    from qpavoid.lab.study.report import who
+    from qpavoid.lab.scenario.methods import labelled
     from qpavoid.lab.study.sweep.store import read_rows
 
     found: defaultdict[tuple[str, str], list[float]] = defaultdict(list)
     for row in read_rows(folder):
         value = metric(row, optimal_time(row["seed"], data))
-        found[str(row["scenario"]), who(row)].append(value)
+        found[str(row["scenario"]), labelled(row)].append(value)
     for (scenario, method), values in found.items():
         print(f"{scenario}, {method}: {fmean(values):.4f} in {len(values)} runs")
 

@@ -10,7 +10,7 @@ from qpavoid.cli.output import UsageError
 from qpavoid.errors import InvalidInputError, QPAvoidError
 
 if TYPE_CHECKING:
-    from qpavoid.lab.simulation.tables import Strict
+    from qpavoid.lab.scenario.keys import Strict
 
 
 FILE_KINDS = ("scenario", "study")
@@ -19,7 +19,7 @@ FILE_KINDS = ("scenario", "study")
 
 def schema(options: Namespace) -> None:
     """Print the JSON Schema of a kind of file, for editors and other programs."""
-    from qpavoid.lab.simulation.schema import ScenarioModel
+    from qpavoid.lab.scenario.schema import ScenarioModel
 
     model: type[Strict] = ScenarioModel
     if options.file == "study":
@@ -72,7 +72,7 @@ TRIED = 0.2
 
 def init(options: Namespace) -> None:
     """Write a commented scenario for a new robot, which runs as it is."""
-    from qpavoid.lab.simulation.scenario import load_scenario
+    from qpavoid.lab.scenario.scenario import load_scenario
     from qpavoid.lab.study.first_scenario import first_scenario
     from qpavoid.model.robot import Limits
 

@@ -32,7 +32,7 @@ def ros(options: Namespace) -> int:
 
 def parameter_file(name: str) -> Path:
     """Return a file with parameters of the node, by its path or shipped name."""
-    from qpavoid.lab.simulation.config import config_folder
+    from qpavoid.lab.scenario.config import config_folder
 
     shipped = {path.stem: path for path in (config_folder() / "ros").glob("*.yaml")}
     path = shipped.get(name, Path(name))

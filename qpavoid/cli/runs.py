@@ -28,7 +28,7 @@ def names_in(text: str) -> list[str]:
 
 def check_named(names: Sequence[str]) -> None:
     """Raise UsageError for the first name of the command that is no controller."""
-    from qpavoid.lab.simulation.methods import check_methods
+    from qpavoid.lab.scenario.methods import check_methods
 
     with told_by("--controllers", ConfigError):
         check_methods(names)
@@ -53,7 +53,7 @@ def run(options: Namespace) -> None:
 
 def _simulate(configs: Sequence[str], names: Sequence[str], options: Namespace) -> None:
     """Check everything, then run, save, print and draw."""
-    from qpavoid.lab.simulation.scenario import load_scenario
+    from qpavoid.lab.scenario.scenario import load_scenario
     from qpavoid.lab.study.compare import compare, table
     from qpavoid.lab.study.plots import save_figures
     from qpavoid.qp.solve import find_back_end
@@ -94,7 +94,7 @@ def show_names(options: Namespace) -> None:
 def _listed(kind: str) -> dict[str, str]:
     """Return what there is of a kind, and what to say of each."""
     if kind == "controllers":
-        from qpavoid.lab.simulation.methods import STAGES, methods, missing_extra
+        from qpavoid.lab.scenario.methods import STAGES, methods, missing_extra
 
         every = (methods() | STAGES).items()
         return {k: text + _wanted(missing_extra(k)) for k, text in every}
@@ -108,7 +108,7 @@ def _listed(kind: str) -> dict[str, str]:
         }
     if kind == "robots":
         return {name: _described(robot) for name, robot in _presets().items()}
-    from qpavoid.lab.simulation.config import builtin_configs
+    from qpavoid.lab.scenario.config import builtin_configs
 
     return dict.fromkeys(builtin_configs(studies=kind == "studies"), "")
 
@@ -118,7 +118,7 @@ def _wanted(extra: str) -> str:
 
 
 def _presets() -> "dict[str, Robot]":
-    from qpavoid.lab.simulation.schema import Preset
+    from qpavoid.lab.scenario.schema import Preset
     from qpavoid.model.robot import Robot
 
     return {name: getattr(Robot, name)() for name in get_args(Preset)}
@@ -152,9 +152,9 @@ def check(options: Namespace) -> int:
 
 def _checked(options: Namespace) -> str:
     """Return what the file is; raise what is wrong with it."""
-    from qpavoid.lab.simulation.config import find_config, read_document
-    from qpavoid.lab.simulation.methods import check_methods
-    from qpavoid.lab.simulation.scenario import load_scenario
+    from qpavoid.lab.scenario.config import find_config, read_document
+    from qpavoid.lab.scenario.methods import check_methods
+    from qpavoid.lab.scenario.scenario import load_scenario
     from qpavoid.lab.study.sweep.study import read_study
 
     shipped = options.config.removeprefix("configs/").startswith("studies/")
@@ -182,7 +182,7 @@ def export_c(options: Namespace) -> None:
         return
     from qpavoid.avoidance.settings import AvoidanceSettings
     from qpavoid.export.write import Capacity, export_c
-    from qpavoid.lab.simulation.scenario import load_scenario
+    from qpavoid.lab.scenario.scenario import load_scenario
 
     polygons = options.polygons, 8 * options.polygons
     numbers = options.obstacles, options.points, options.walls, *polygons

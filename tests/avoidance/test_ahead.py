@@ -14,7 +14,7 @@ from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.plan import fresh_state
 from qpavoid.avoidance.settings import AvoidanceSettings, LookAhead, SafetyRadius
 from qpavoid.avoidance.step import filter_step, memory_size
-from qpavoid.lab.simulation.world import Track, World
+from qpavoid.lab.scenario.world import Track, World
 from qpavoid.model.contacts import most_contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles

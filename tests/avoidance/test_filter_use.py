@@ -15,7 +15,7 @@ from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings, LookAhead
 from qpavoid.avoidance.step import filter_step
 from qpavoid.errors import InvalidInputError, ThreadError
-from qpavoid.lab.simulation.methods import OURS, make_controller
+from qpavoid.lab.scenario.methods import OURS, make_controller
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import arc

@@ -17,7 +17,7 @@ from qpavoid.avoidance.settings import (
     Repulsion,
     SafetyRadius,
 )
-from qpavoid.lab.simulation.methods import make_controller
+from qpavoid.lab.scenario.methods import make_controller
 from qpavoid.model.obstacles import Obstacles
 from shapes import ROBOT
 

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.laws import eq5, eq7
 from qpavoid.avoidance.settings import AvoidanceSettings, Repulsion, SafetyRadius
-from qpavoid.lab.simulation.methods import make_controller
+from qpavoid.lab.scenario.methods import make_controller
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles

@@ -7,7 +7,7 @@ encounters = pytest.importorskip("encounters", reason="needs qpavoid[study]")
 
 import rows
 from places import COMPARISONS
-from qpavoid.lab.simulation.scenario import make_scenario
+from qpavoid.lab.scenario.scenario import make_scenario
 from qpavoid.lab.study.sweep.job import run_job
 from qpavoid.lab.study.sweep.study import read_study
 from qpavoid.model.contact import point_contact

@@ -11,8 +11,8 @@ import pytest
 
 import one_step_qp
 from places import COMPARISONS, ROOT
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ worlds = pytest.importorskip("worlds", reason="needs qpavoid[study]")
 
 
 from qpavoid.errors import DataError
-from qpavoid.lab.simulation.scenario import make_scenario
+from qpavoid.lab.scenario.scenario import make_scenario
 from qpavoid.lab.worlds.dynabarn import DynaBarn, find_worlds
 from walkers import walker
 

@@ -12,8 +12,8 @@ import qpavoid as qp
 from in_c import COMPILER, STRICT
 from qpavoid.cli import main
 from qpavoid.export.write import Capacity, export_c
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
-from qpavoid.lab.simulation.scenario import load_scenario
 from timing.exported import problem_type
 
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")

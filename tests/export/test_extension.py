@@ -31,9 +31,9 @@ from qpavoid.export.entries import records_in, shape_of
 from qpavoid.export.extension import build_extension, extension_text
 from qpavoid.guide.stage import GuideStage, Tracking, fresh_stage, stage_memory
 from qpavoid.guide.state import ACTION, COUNT, WAY
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.model.contacts import CONTACT_SIZE
 from qpavoid.stamps import PACKAGE
 
@@ -233,8 +233,6 @@ UNFITTING = {
     "waiting_reference": [(np.ones((3, 5)), np.inf, POSE, POSE)],
     "fill_ahead": [(np.ones((3, 5)), 0.0, POSE, step, TABLE) for step in (-1.0, 1e9)],
     "cast_rays": [(BEAMS, WORLD, 0.0, np.ones(3))],
-    "nearest_discs": [(EDGES, WORLD[1], np.ones((3, 3)), np.ones(1), TABLE)],
-    "whole_force": [(CONTACTS, 4, 1.0, 1.0)],
 }
 SETTINGS = AvoidanceSettings().record()
 SEEN = np.array([(1.2, 0.1)]), WORLD[1][:0]
@@ -383,7 +381,7 @@ from dataclasses import replace
 from pathlib import Path
 from qpavoid import load_scenario
 from qpavoid.cli import main
-from qpavoid.lab.simulation.methods import REGISTRY
+from qpavoid.lab.scenario.methods import REGISTRY
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.run import run
 one = replace(load_scenario(sys.argv[1]), duration=0.1)

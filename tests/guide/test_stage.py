@@ -13,7 +13,7 @@ from qpavoid.guide.rollout import TICK, fill_ahead
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.guide.stage import GuideStage, Tracking
 from qpavoid.guide.state import PROGRESS, Progress
-from qpavoid.lab.simulation.methods import make_controller
+from qpavoid.lab.scenario.methods import make_controller
 from qpavoid.model.kinematics import arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot

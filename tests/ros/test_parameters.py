@@ -11,7 +11,7 @@ from places import ROOT
 from qpavoid.avoidance.inputs import Fault
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError, UnknownNameError
-from qpavoid.lab.simulation.schema import Preset, ScenarioModel
+from qpavoid.lab.scenario.schema import Preset, ScenarioModel
 from qpavoid.lab.study.replay import read_parameters
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.obstacles import Obstacles

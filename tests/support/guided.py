@@ -6,7 +6,7 @@ import pytest
 
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.lab.simulation.methods import make_controller
+from qpavoid.lab.scenario.methods import make_controller
 from qpavoid.model.robot import Limits
 from shapes import ROBOT
 

@@ -3,7 +3,7 @@
 import pytest
 
 from qpavoid.errors import ConfigError
-from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.scenario.scenario import load_scenario
 
 MINIMAL = """
 title = "t"
@@ -26,12 +26,3 @@ def problems(folder, text):
     for line in caught.value.problems:
         assert line.startswith(str(folder / "s.toml"))
     return caught.value.problems
-
-
-STATION = """
-title = "short"
-duration_s = 0.5
-[reference]
-kind = "station"
-pose = { x_m = 0.0, y_m = 0.0 }
-"""

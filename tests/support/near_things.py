@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.lab.simulation.methods import make_controller
+from qpavoid.lab.scenario.methods import make_controller
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
 from shapes import ROBOT as MIR

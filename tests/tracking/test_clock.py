@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from qpavoid.errors import InvalidInputError
+from qpavoid.lab.scenario.scenario import load_scenario
+from qpavoid.lab.scenario.world import World
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
-from qpavoid.lab.simulation.world import World
 from qpavoid.lab.study.metrics import metrics
 from qpavoid.model.kinematics import arc
 from qpavoid.model.robot import Limits

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.metrics import metrics
 from qpavoid.model.kinematics import arc, wrap_angle
 from qpavoid.model.robot import Limits, Robot, limit_twist

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from qpavoid.avoidance.controllers import StepContext
-from qpavoid.compiled import compiled, compiled_once, entry, entry_if
+from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.lab.baselines.drive import Baseline, Command
 from qpavoid.model.contacts import (
     CONTACT,
@@ -35,24 +35,13 @@ def force(distance: float, strength: float, reach: float) -> float:
 
 @entry
 @compiled_once
-def _whole_force_fits(
-    memory: Vector, count: int, strength: float, reach: float
-) -> bool:
-    """Return whether the table has ``count`` rows."""
-    all_fit: bool = count <= memory.shape[0] // CONTACT_SIZE
-    return all_fit
-
-
-@entry_if(_whole_force_fits)
-@compiled_once
-def whole_force(
-    memory: Vector, count: int, strength: float, reach: float
-) -> tuple[float, float]:
+def whole_force(memory: Vector, strength: float, reach: float) -> tuple[float, float]:
     """Return Σ F = −∇U over shifts of the robot, one nearest contact per obstacle.
 
     Contacts of one obstacle are successive rows of the table.
     """
     contacts, f_x, f_y, i = memory.view(CONTACT), 0.0, 0.0, 0
+    count = contacts.shape[0]
     while i < count:
         nearest, obstacle = i, contacts[i].obstacle
         while i < count and contacts[i].obstacle == obstacle:
@@ -92,7 +81,8 @@ class PotentialController(Baseline):
         contacts = empty_contacts(edges, arrays)
         radius = self.robot.footprint.circumradius
         count, _ = contact_table(edges, radius, arrays, self.reach, contacts)
-        f_x, f_y = whole_force(contacts, count, self.strength, self.reach)
+        within = contacts[: count * CONTACT_SIZE]
+        f_x, f_y = whole_force(within, self.strength, self.reach)
         if f_x == 0.0 == f_y:
             return None
         return Command((desired[0] + f_x, desired[1] + f_y / self.lever))

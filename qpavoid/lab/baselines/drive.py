@@ -10,6 +10,7 @@ from typing import ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
+from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.cbf_rows import required_distance
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Decision, Status
@@ -54,56 +55,6 @@ FAILED = Command((0.0, 0.0), Status.STOPPED)
 
 Method: TypeAlias = Callable[[Twist, Obstacles, StepContext], Command | None]
 """Function of desired twist, obstacles and context; None: drive the desired twist."""
-
-
-def stepping(
-    robot: Robot, dt: float, last: Twist, plan: Method, period: float = 0.0
-) -> Step:
-    """Return the step of a method that plans every ``period`` s.
-
-    Its twist is cut to the limits. Without a context the reference drives the desired
-    twist from the robot's pose.
-
-    Args:
-        robot: Footprint and limits.
-        dt: Control step, s.
-        last: Twist driven last.
-        plan: The method.
-        period: s between two plans; 0: every step. A command is held in between.
-    """
-    every, count = max(1, round(period / dt)), 0
-    answer: Command | None = None
-    numbers, footprint = robot.limit_vector, robot.footprint
-
-    def step(
-        v: float, omega: float, obstacles: Obstacles, context: StepContext | None = None
-    ) -> Decision:
-        nonlocal last, answer, count
-        started = perf_counter()
-        if not (math.isfinite(v) and math.isfinite(omega)):
-            raise InvalidInputError("the desired twist (v, omega) must be finite")
-        here, nowhere = (0.0, 0.0, 0.0), (math.inf, 0.0, 0.0)
-        context = context or StepContext(here, here, (v, omega), nowhere, last)
-        if count % every == 0:
-            answer = plan((v, omega), obstacles, context)
-        count += 1
-        twist, status, slack, shortfall, lateral = answer or Command((v, omega))
-        if status is Status.STOPPED:
-            twist = braking_twist(numbers, *context.driven, dt)
-        # From the measured twist: a base slips and lags.
-        last = limit_twist(numbers, twist, context.driven, dt)
-        off = max(abs(last[0] - v), abs(last[1] - omega), abs(lateral))
-        # A solver returns the desired twist with rounding if nothing constrains it; all
-        # methods then have the same status.
-        if status in (Status.FILTERED, Status.STEERED) and off <= SAME_TWIST:
-            status = Status.TRACKING
-        clearance = clearance_of(footprint, obstacles.arrays)
-        elapsed = perf_counter() - started
-        return Decision(
-            *last, status, clearance, slack, 0.0, (), elapsed, shortfall, lateral
-        )
-
-    return step
 
 
 def wide_discs(
@@ -229,10 +180,75 @@ class Baseline:
     settings: AvoidanceSettings
     period: ClassVar[float] = 0.0
 
+    @property
+    def setup(self) -> Setup:
+        """Robot and settings for compiled functions."""
+        edges, limits = self.robot.footprint.edges, self.robot.limit_vector
+        return Setup(edges, limits, self.settings.record())
+
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
-        dt = self.settings.dt
-        return stepping(self.robot, dt, (v, omega), self.plan, self.period)
+        return self.stepping((v, omega), self.plan, self.period)
+
+    def stepping(self, last: Twist, plan: Method, period: float = 0.0) -> Step:
+        """Return the step of a method that plans every ``period`` s.
+
+        Its twist is cut to the limits. Without a context the reference drives the
+        desired twist from the robot's pose.
+
+        Args:
+            last: Twist driven last.
+            plan: The method.
+            period: s between two plans; 0: every step. A command is held in between.
+        """
+        dt, count = self.settings.dt, 0
+        every = max(1, round(period / dt))
+        answer: Command | None = None
+        numbers, footprint = self.robot.limit_vector, self.robot.footprint
+
+        def step(
+            v: float,
+            omega: float,
+            obstacles: Obstacles,
+            context: StepContext | None = None,
+        ) -> Decision:
+            nonlocal last, answer, count
+            started = perf_counter()
+            if not (math.isfinite(v) and math.isfinite(omega)):
+                raise InvalidInputError("the desired twist (v, omega) must be finite")
+            here, nowhere = (0.0, 0.0, 0.0), (math.inf, 0.0, 0.0)
+            context = context or StepContext(here, here, (v, omega), nowhere, last)
+            if count % every == 0:
+                answer = plan((v, omega), obstacles, context)
+            count += 1
+            twist, status, slack, shortfall, lateral = answer or Command((v, omega))
+            if status is Status.STOPPED:
+                twist = braking_twist(numbers, *context.driven, dt)
+            # From the measured twist: a base slips and lags.
+            last = limit_twist(numbers, twist, context.driven, dt)
+            off = max(abs(last[0] - v), abs(last[1] - omega), abs(lateral))
+            # A solver returns the desired twist with rounding if nothing constrains it;
+            # all methods then have the same status.
+            if status in (Status.FILTERED, Status.STEERED) and off <= SAME_TWIST:
+                status = Status.TRACKING
+            clearance = clearance_of(footprint, obstacles.arrays)
+            elapsed = perf_counter() - started
+            more = elapsed, shortfall, lateral
+            return Decision(*last, status, clearance, slack, 0.0, (), *more)
+
+        return step
+
+    def limited(self, twist: Twist, context: StepContext) -> Twist:
+        """Return the twist that the robot can drive in the coming step."""
+        numbers, dt = self.robot.limit_vector, self.settings.dt
+        return limit_twist(numbers, twist, context.driven, dt)
+
+    def brake(self, context: StepContext) -> Command:
+        """Return full braking along the arc of the twist driven last, or holding."""
+        if not any(context.driven):
+            return Command((0.0, 0.0), Status.HOLDING)
+        numbers, dt = self.robot.limit_vector, self.settings.dt
+        return Command(braking_twist(numbers, *context.driven, dt), Status.BRAKING)
 
     def plan(
         self, desired: Twist, obstacles: Obstacles, context: StepContext

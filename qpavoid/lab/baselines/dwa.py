@@ -8,7 +8,7 @@ from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.compiled import compiled_once, entry
 from qpavoid.lab.baselines.drive import Baseline, Command, reference_ahead
-from qpavoid.lab.baselines.stopping import brake, free_time, setup_of
+from qpavoid.lab.baselines.stopping import free_time
 from qpavoid.model.kinematics import TINY, arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import limit_twist, limits_of, stopping_time, twist_box
@@ -139,11 +139,11 @@ class WindowController(Baseline):
         self, desired: Twist, obstacles: Obstacles, context: StepContext
     ) -> Command | None:
         """Return the best twist of the window; None: the desired twist."""
-        dt, driven = self.settings.dt, context.driven
-        setup, arrays = setup_of(self.robot, self.settings), obstacles.arrays
-        wanted = limit_twist(setup.robot, desired, driven, dt)
+        setup, arrays = self.setup, obstacles.arrays
+        wanted = self.limited(desired, context)
         margin = self.margin * self.settings.radius.r_min_slow
-        time = max(self.preview, stopping_time(setup.robot, *wanted, dt))
+        rest = stopping_time(setup.robot, *wanted, self.settings.dt)
+        time = max(self.preview, rest)
         if free_time(setup, arrays, margin, wanted, time) >= time:
             return None
         x, y, _ = reference_ahead(context, self.robot, 1, self.preview)[0].tolist()
@@ -155,10 +155,8 @@ class WindowController(Baseline):
             reach=self.reach,
             margin=margin,
             target=(x, y),
-            driven=driven,
+            driven=context.driven,
             pace=math.hypot(x, y) / self.preview,
         )
         score, v, omega = best_twist(window)
-        return (
-            brake(self.robot, driven, dt) if score == -math.inf else Command((v, omega))
-        )
+        return self.brake(context) if score == -math.inf else Command((v, omega))

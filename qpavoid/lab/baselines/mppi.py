@@ -7,14 +7,13 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from qpavoid.avoidance.controllers import Step, StepContext
-from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.compiled import compiled_once, entry, entry_if
+from qpavoid.compiled import compiled_once, entry
 from qpavoid.lab.baselines.drive import (
+    Baseline,
     Command,
     out_of_reach,
     reference_ahead,
     soonest_reached,
-    stepping,
     wide_discs,
     wide_lines,
     wide_still,
@@ -24,7 +23,7 @@ from qpavoid.model.capsules import RADIUS, Segment, capsule_at, from_segment
 from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Robot, limit_twist, limits_of
+from qpavoid.model.robot import limit_twist, limits_of
 from qpavoid.types import (
     Array,
     Capsules,
@@ -51,7 +50,7 @@ CONTACT = 1e3
 
 
 @dataclass(frozen=True)
-class MppiController:
+class MppiController(Baseline):
     """MPPI over twists: noisy copies of the last plan, averaged by their cost.
 
     A sample costs, per tick, the squared distance from the reference, its heading
@@ -63,8 +62,6 @@ class MppiController:
     twist is driven.
 
     Attributes:
-        robot: Footprint and limits.
-        settings: Radii and control step.
         samples: Number of samples.
         ticks: Of the horizon, 0.1 s each.
         temperature: λ.
@@ -75,8 +72,6 @@ class MppiController:
         seed: Of the noise; each run starts with it.
     """
 
-    robot: Robot
-    settings: AvoidanceSettings
     samples: int = 512
     ticks: int = 40
     temperature: float = 0.3
@@ -101,17 +96,17 @@ class MppiController:
                 return None
             samples = self.draw(rng, twists, desired)
             by = self.judgement(obstacles, context)
-            costs, depths = np.zeros((2, len(samples)))
-            mean = np.zeros((1, twists.size))
-            rollout(by, samples, costs, depths)
-            average(self.temperature, costs, samples, mean[0])
-            rollout(by, mean, costs, depths)
+            mean = np.zeros((1, samples.shape[1]))
+            rollout(by, samples)
+            average(self.temperature, samples, mean[0])
+            rollout(by, mean)
             # The plan is held for a tick, and is then a tick shorter at its beginning.
-            twists[:-1], twists[-1] = mean.reshape(-1, 2)[1:], mean[0, -2:]
-            v, omega = mean[0, :2].tolist()
-            return command_of((v, omega), float(depths[0]))
+            now, *later = mean[0, :-2].reshape(-1, 2)
+            twists[:-1], twists[-1] = later, mean[0, -4:-2]
+            v, omega = now.tolist()
+            return command_of((v, omega), float(mean[0, -1]))
 
-        return stepping(self.robot, self.settings.dt, (v, omega), plan, TICK)
+        return self.stepping((v, omega), plan, TICK)
 
     def judgement(self, obstacles: Obstacles, context: StepContext) -> "Judgement":
         """Return the context of the samples' cost in this step."""
@@ -131,14 +126,17 @@ class MppiController:
         )
 
     def draw(self, rng: np.random.Generator, twists: Array, desired: Twist) -> Array:
-        """Return samples (n, 2·ticks): the last plan, and noisy copies of it."""
+        """Return samples (n, 2·ticks + 2): the last plan, and noisy copies of it.
+
+        The last two columns are free, for cost and depth.
+        """
         blocks = math.ceil(self.ticks / HELD_FOR)
         noise = rng.standard_normal((self.samples, blocks, 2))
         noise *= self.noise_v, self.noise_omega
         noise[0] = 0.0
         samples: Array = twists + np.repeat(noise, HELD_FOR, axis=1)[:, : self.ticks]
         samples[1], samples[2] = desired, 0.0
-        return samples.reshape(self.samples, -1)
+        return np.pad(samples.reshape(self.samples, -1), ((0, 0), (0, 2)))
 
 
 class Judgement(NamedTuple):
@@ -170,26 +168,14 @@ class Judgement(NamedTuple):
 
 @entry
 @compiled_once
-def _rollout_fits(
-    by: Judgement, samples: MatrixWritten, costs: VectorWritten, depths: VectorWritten
-) -> bool:
-    """Return whether all ticks have a twist, and all samples a cost and a depth."""
-    many = samples.shape[0]
-    fits = samples.shape[1] >= 2 * by.reference.shape[0]
-    all_fit: bool = fits and costs.shape[0] >= many and depths.shape[0] >= many
-    return all_fit
+def rollout(by: Judgement, samples: Annotated[MatrixWritten, Sizes(0, 2)]) -> None:
+    """Fill cost and greatest depth within r_min, m, of samples (n, 2·ticks + 2).
 
-
-@entry_if(_rollout_fits)
-@compiled_once
-def rollout(
-    by: Judgement, samples: MatrixWritten, costs: VectorWritten, depths: VectorWritten
-) -> None:
-    """Fill cost (n,) and greatest depth within r_min (n,), m, of samples (n, 2·ticks).
-
-    The samples are cut to the robot's limits in place.
+    These are the last two columns; the twists are cut to the robot's limits in place.
     """
-    reference, weights, ticks = by.reference, by.weights, by.reference.shape[0]
+    reference, weights = by.reference, by.weights
+    last = samples.shape[1] - 2
+    ticks = min(reference.shape[0], last // 2)
     for i in range(samples.shape[0]):
         x = y = heading = cost = deepest = 0.0
         v, omega = by.driven
@@ -207,39 +193,31 @@ def rollout(
                 # As if it stayed in contact: a later contact costs less.
                 cost += CONTACT * (ticks - k)
                 break
-        costs[i], depths[i] = cost, deepest
+        samples[i, last], samples[i, last + 1] = cost, deepest
 
 
 @entry
 @compiled_once
-def _average_fits(
-    temperature: float, costs: Vector, samples: Matrix, mean: VectorWritten
-) -> bool:
-    """Return whether all samples have a cost, and all their twists a mean."""
-    many, size = samples.shape
-    fits = costs.shape[0] >= many and mean.shape[0] >= size
-    return fits and temperature > 0.0
-
-
-@entry_if(_average_fits)
-@compiled_once
 def average(
-    temperature: float, costs: Vector, samples: Matrix, mean: VectorWritten
+    temperature: float,
+    samples: Annotated[Matrix, Sizes(0, 2)],
+    mean: VectorWritten,
 ) -> None:
-    """Fill the mean (2·ticks,) of samples (n, 2·ticks) weighted by exp(−cost/λ).
+    """Fill the mean of samples (n, 2·ticks + 2) weighted by exp(−cost/λ).
 
     In the same order on every processor, since rounding can change the robot's path in
     a crowd; sums of a matrix library depend on the processor.
     """
-    many, size = samples.shape
+    many, cost = samples.shape[0], samples.shape[1] - 2
+    size = min(cost, mean.shape[0])
     # Relative to the least cost, which cancels: else all weights would underflow.
     least, total = math.inf, 0.0
     for i in range(many):
-        least = min(least, costs[i])
+        least = min(least, samples[i, cost])
     for j in range(size):
         mean[j] = 0.0
     for i in range(many):
-        weight = math.exp((least - costs[i]) / temperature)
+        weight = math.exp((least - samples[i, cost]) / temperature)
         total += weight
         for j in range(size):
             mean[j] += weight * samples[i, j]

@@ -13,8 +13,6 @@ from typing import Any, NamedTuple, TypeAlias
 import casadi as ca
 import numpy as np
 
-from qpavoid.avoidance.controllers import Step, StepContext
-from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines.drive import (
     RELAXED_FROM,
     body_discs,
@@ -24,9 +22,10 @@ from qpavoid.lab.baselines.drive import (
 )
 from qpavoid.lab.baselines.predictive import (
     PERIOD,
+    Plan,
+    Predictive,
     Situation,
     nearest_discs,
-    replanning,
 )
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.types import Array, Twist
@@ -142,17 +141,21 @@ def make_program(
         "f": cost,
         "g": ca.veccat(poses - before - tick * rate, ca.vertcat(*room), limited),
     }
-    options = {"ipopt": dict(IPOPT), "print_time": False, "error_on_fail": False}
     free, none = np.full(3 * stages, np.inf), np.zeros(3 * stages)
-    v_omega = np.tile([[limits.v_min, limits.omega_min]], stages).ravel()
-    v_omega_most = np.tile([[limits.v_max, limits.omega_max]], stages).ravel()
+    least, greatest = twist_bounds(limits, stages)
     return Program(
-        ca.nlpsol("nmpc", "ipopt", problem, options),
-        np.concatenate([-free, v_omega, np.zeros(stages)]),
-        np.concatenate([free, v_omega_most, np.full(stages, np.inf)]),
+        ipopt(problem, IPOPT),
+        np.concatenate([-free, least, np.zeros(stages)]),
+        np.concatenate([free, greatest, np.full(stages, np.inf)]),
         np.concatenate([none, np.zeros(len(room)), -most]),
         np.concatenate([none, np.full(len(room), np.inf), most]),
     )
+
+
+def ipopt(problem: Mapping[str, Any], options: Mapping[str, Any]) -> ca.Function:
+    """Return IPOPT for a problem."""
+    told = {"ipopt": dict(options), "print_time": False, "error_on_fail": False}
+    return ca.nlpsol("plan", "ipopt", problem, told)
 
 
 def kept_clear(
@@ -175,6 +178,12 @@ def kept_clear(
     earlier = keep.barriers(keep.body, before[:, k], there)
     decay = 1.0 - keep.gamma
     return [h - decay * h_0 for h, h_0 in zip(clear, earlier, strict=True)]
+
+
+def twist_bounds(limits: Limits, stages: int) -> tuple[Array, Array]:
+    """Return least and greatest twists (2 stages,)."""
+    least = np.tile([limits.v_min, limits.omega_min], stages)
+    return least, np.tile([limits.v_max, limits.omega_max], stages)
 
 
 def limited_by(limits: Limits, twists: Any, changes: Any) -> tuple[Any, Array]:
@@ -231,24 +240,8 @@ def polygon_distance(vertices: BodyPoints, pose: Any, p: Any) -> Any:
     return ca.if_else(beyond > 0.0, ca.sqrt(square + ROOT_FLOOR), beyond)
 
 
-class Trajectory(NamedTuple):
-    """A plan, in the robot frame of its beginning.
-
-    Attributes:
-        poses: (N + 1, 3) x, y (m), heading (rad); the first is the robot's own.
-        twists: (N, 2) v, ω.
-        depth: Greatest within r_min, m.
-        cost: Of the program.
-    """
-
-    poses: Array
-    twists: Array
-    depth: float = 0.0
-    cost: float = math.inf
-
-
 @dataclass(frozen=True)
-class NmpcController:
+class NmpcController(Predictive):
     """NMPC with the polygon footprint: multiple shooting, solved by IPOPT.
 
     Minimises the tracking error of the predicted reference and the difference from its
@@ -266,8 +259,6 @@ class NmpcController:
     weight prevented.
 
     Attributes:
-        robot: Footprint and limits.
-        settings: Radii and control step.
         stages: N of the horizon.
         tick: s, of a stage.
         nearest: Discs per stage.
@@ -280,8 +271,6 @@ class NmpcController:
             starts are tried.
     """
 
-    robot: Robot
-    settings: AvoidanceSettings
     stages: int = 28
     tick: float = 0.15
     nearest: int = 5
@@ -291,77 +280,69 @@ class NmpcController:
     penalty: float = 1000.0
     held_up: float = 1.0
 
-    def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
-        """Return the step of a new run, of a robot that drives (v, ω) at present."""
-        program, horizon = self.program(), self.stages * self.tick
+    def is_free(self, to: Situation) -> bool:
+        """Return whether no obstacle can be reached within the horizon."""
+        return out_of_reach(self.robot, to.discs, self.stages * self.tick)
 
-        def is_free(to: Situation) -> bool:
-            return out_of_reach(self.robot, to.discs, horizon)
-
-        def search(
-            kept: Trajectory | None, to: Situation
-        ) -> Iterator[Trajectory | None]:
-            reference = reference_ahead(to.context, self.robot, self.stages, self.tick)
-            for start in self.starts(kept, reference, to.desired):
-                yield self.solve(program, start, to.context, reference, to.discs)
-
-        return replanning(self.robot, self.settings, (v, omega), is_free, search)
+    def search(self, kept: Plan | None, to: Situation) -> Iterator[Plan | None]:
+        """Yield the solver's plans from all starts; None for a failure."""
+        reference = reference_ahead(to.context, self.robot, self.stages, self.tick)
+        for start in self.starts(kept, reference, to.desired):
+            yield self.solve(start, reference, to)
 
     def starts(
-        self, kept: Trajectory | None, reference: Array, desired: Twist
-    ) -> Iterator[Trajectory]:
+        self, kept: Plan | None, reference: Array, desired: Twist
+    ) -> Iterator[Plan]:
         """Yield the starts: the last plan, and others if it ends too early."""
+        n, off = self.stages, math.inf
         if kept is None:
             poses = np.vstack([np.zeros(3), reference])
-            yield Trajectory(poses, np.tile(desired, (self.stages, 1)))
+            yield self.guess(poses, np.tile(desired, (n, 1)))
         else:
             at = PERIOD / self.tick + np.arange(len(kept.poses), dtype=float)
-            kept = Trajectory(later(kept.poses, at), kept.twists)
-            yield kept
-        off = (
-            np.inf if kept is None else math.dist(kept.poses[-1, :2], reference[-1, :2])
-        )
+            poses = later(kept.poses, at)
+            yield self.guess(poses, kept.twists)
+            off = math.dist(poses[-1, :2], reference[-1, :2])
         if off > self.held_up:
             # A swerve to either side, and standing still: from a plan that ends before
             # the obstacle a descent method finds no path around it.
-            limits, half = self.robot.limits, self.stages // 2
+            limits, half = self.robot.limits, n // 2
             for omega in (0.5 * limits.omega_min, 0.5 * limits.omega_max):
-                twists = np.full((self.stages, 2), (0.5 * limits.v_max, omega))
+                twists = np.full((n, 2), (0.5 * limits.v_max, omega))
                 twists[half:, 1] = -omega
-                yield driven_along(twists, self.tick)
-            yield driven_along(np.zeros((self.stages, 2)), self.tick)
+                yield self.guess(driven_along(twists, self.tick), twists)
+            still = np.zeros((n, 2))
+            yield self.guess(driven_along(still, self.tick), still)
 
-    def solve(
-        self,
-        program: Program,
-        start: Trajectory,
-        context: StepContext,
-        reference: Array,
-        discs: Array,
-    ) -> Trajectory | None:
+    def guess(self, poses: Array, twists: Array) -> Plan:
+        """Return an initial guess."""
+        steps = np.full(self.stages, self.tick)
+        return Plan(poses, twists, steps, np.zeros(self.stages))
+
+    def solve(self, start: Plan, reference: Array, to: Situation) -> Plan | None:
         """Return the solver's plan from a start; None if it fails.
 
         Args:
-            program: The solver.
             start: Initial guess.
-            context: Twists of reference and robot.
             reference: (N, 3) reference poses.
-            discs: (m, 5) of :func:`qpavoid.lab.baselines.drive.wide_discs`.
+            to: Twists of reference and robot, and obstacles.
         """
         n, near = self.stages, np.empty((self.stages * self.nearest, 5))
-        times = self.tick * np.arange(1.0, n + 1.0)
-        nearest_discs(self.robot.footprint.edges, discs, start.poses, times, near)
-        x = [start.poses[1:].ravel(), start.twists.ravel(), np.zeros(n)]
-        twists = np.array([context.reference, context.driven])
+        stages = np.empty((n, 4))
+        stages[:, :3] = start.poses[1:]
+        stages[:, 3] = self.tick * np.arange(1.0, n + 1.0)
+        nearest_discs(self.robot.footprint.edges, to.discs, stages, near)
+        x = [start.poses[1:].ravel(), start.twists.ravel(), start.slack]
+        twists = np.array([to.context.reference, to.context.driven])
         p = [reference.ravel(), twists.ravel(), near.ravel()]
-        z, cost = program.solved(x, p)
+        z, cost = self.program().solved(x, p)
         if not len(z):
             return None
         poses = np.vstack([np.zeros(3), z[: 3 * n].reshape(n, 3)])
-        twists, slack = z[3 * n : 5 * n].reshape(n, 2), float(z[5 * n :].max())
-        if slack > max(wide_still(self.settings), RELAXED_FROM):
+        twists, slack = z[3 * n : 5 * n].reshape(n, 2), z[5 * n :]
+        if slack.max() > max(wide_still(self.settings), RELAXED_FROM):
             return None
-        return Trajectory(poses, twists, slack, cost)
+        return Plan(poses, twists, start.steps, slack, cost)
 
     def program(self) -> Program:
         """Return the solver, shared by all runs of equal settings."""
@@ -385,13 +366,13 @@ def later(poses: Array, at: Array) -> Array:
     return np.column_stack(seen)
 
 
-def driven_along(twists: Array, tick: float) -> Trajectory:
-    """Return the trajectory of twists (N, 2), by the midpoint rule."""
+def driven_along(twists: Array, tick: float) -> Array:
+    """Return the poses (N + 1, 3) along twists (N, 2), by the midpoint rule."""
     heading = np.concatenate([[0.0], np.cumsum(tick * twists[:, 1])])
     halfway = 0.5 * (heading[:-1] + heading[1:])
     steps = tick * twists[:, :1] * np.column_stack([np.cos(halfway), np.sin(halfway)])
     places = np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
-    return Trajectory(np.column_stack([places, heading]), twists)
+    return np.column_stack([places, heading])
 
 
 @dataclass(frozen=True)

@@ -8,19 +8,17 @@ import numpy as np
 from qpavoid.avoidance.cbf_rows import required_distance
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Status
-from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.lab.baselines.drive import FAILED, Command, stepping
+from qpavoid.lab.baselines.drive import FAILED, Baseline, Command
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import TINY
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Robot
 from qpavoid.qp.problem import FilterProblem, SolveStatus
 from qpavoid.qp.solve import solve
 from qpavoid.types import Array, Twist
 
 
 @dataclass(frozen=True)
-class OmniController:
+class OmniController(Baseline):
     """The nearest planar velocity w = (w_x, w_y) that keeps the required distances.
 
     A base that can move sideways, with the same footprint, limits and sensing: it shows
@@ -37,15 +35,11 @@ class OmniController:
     that of the filter.
 
     Attributes:
-        robot: Footprint and limits.
-        settings: Radii, γ and control step.
         gain: k, 1/s.
         turn_gain: k_γ, rad/s.
         reach: Greatest distance of an obstacle with a row, m.
     """
 
-    robot: Robot
-    settings: AvoidanceSettings
     gain: float = 1.0
     turn_gain: float = 2.0
     reach: float = 2.0
@@ -67,7 +61,7 @@ class OmniController:
             ahead, lateral = solution.u.tolist()
             return Command((ahead, turn), status, solution.slack, lateral=lateral)
 
-        return stepping(self.robot, self.settings.dt, (v, omega), plan)
+        return self.stepping((v, omega), plan)
 
     def turn_rate(self, context: StepContext) -> float:
         """Return ω, rad/s, within the limits."""
@@ -88,7 +82,9 @@ class OmniController:
             turn: ω, rad/s.
             lateral: w_y driven last, m/s.
         """
-        contacts = Contacts.of(self.robot.footprint, obstacles.within(self.sight()))
+        footprint = self.robot.footprint
+        near = obstacles.within(self.reach + footprint.circumradius)
+        contacts = Contacts.of(footprint, near)
         record = self.settings.record()
         speeds = np.hypot(*contacts.velocity.T).tolist()
         r_min = [required_distance(record, speed, 0.0)[1] for speed in speeds]
@@ -106,10 +102,6 @@ class OmniController:
             upper=upper,
             obstacle=contacts.obstacle,
         )
-
-    def sight(self) -> float:
-        """Return the greatest distance of an obstacle with a row from the origin, m."""
-        return self.reach + self.robot.footprint.circumradius
 
     def box(self, driven: Twist) -> tuple[Array, Array]:
         """Return least and greatest w after a velocity driven last."""

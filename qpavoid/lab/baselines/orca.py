@@ -9,7 +9,6 @@ import numpy as np
 
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Status
-from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import MissingExtraError
 from qpavoid.lab.baselines.drive import (
     RELAXED_FROM,
@@ -93,7 +92,8 @@ class OrcaController(Baseline):
         self, desired: Twist, obstacles: Obstacles, context: StepContext
     ) -> Command | None:
         """Return the twist; None for the desired one."""
-        near = what_is_near(obstacles, self.settings)
+        still, rest = by_motion(obstacles)
+        near = Near(wide_discs(rest, self.settings), still)
         wanted, to_goal = self.velocity(*desired), self.preferred(context)
         fastest = max(map(self.fastest, (wanted, to_goal)))
         world = self.world(near, round_robot(self.robot, self.ahead), fastest)
@@ -207,12 +207,6 @@ def by_motion(obstacles: Obstacles) -> tuple[list[Array], Obstacles]:
         for one in still.lengthy
     ]
     return corners, still.chosen(still.is_disc).joined(moving)
-
-
-def what_is_near(obstacles: Obstacles, settings: AvoidanceSettings) -> Near:
-    """Return the obstacles for RVO2."""
-    still, rest = by_motion(obstacles)
-    return Near(wide_discs(rest, settings), still)
 
 
 def least_way(corners: Array) -> float:

@@ -1,24 +1,24 @@
 """Common part of predictive methods: obstacles as discs, start from the last plan."""
 
 import math
-from collections.abc import Callable, Iterable
-from typing import Annotated, NamedTuple, Protocol, TypeVar
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any, NamedTuple
 
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.compiled import compiled_once, entry, entry_if
+from qpavoid.compiled import compiled_once, entry
 from qpavoid.lab.baselines.drive import (
     FAILED,
     RELAXED_FROM,
+    Baseline,
     Command,
     line_points,
-    stepping,
     wide_discs,
 )
 from qpavoid.model.contact import point_contact
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Robot
 from qpavoid.types import (
     Array,
     Discs,
@@ -27,7 +27,6 @@ from qpavoid.types import (
     MatrixWritten,
     Sizes,
     Twist,
-    Vector,
 )
 
 PERIOD = 0.1
@@ -48,23 +47,22 @@ class Situation(NamedTuple):
     discs: Array
 
 
-class Plan(Protocol):
-    """Solution of a planning step."""
+class Plan(NamedTuple):
+    """A plan, in the robot frame of its beginning.
 
-    @property
-    def twists(self) -> Array:
-        """(N, 2) v, ω; the first is driven."""
+    Attributes:
+        poses: (N + 1, 3) x, y (m), heading (rad); the first is the robot's own.
+        twists: (N, 2) v, ω between them; the first is driven.
+        steps: (N,) time between them, s.
+        slack: (N,) depth within r_min, m.
+        cost: Of the program.
+    """
 
-    @property
-    def depth(self) -> float:
-        """Greatest depth within r_min, m."""
-
-    @property
-    def cost(self) -> float:
-        """Cost of the plan."""
-
-
-P = TypeVar("P", bound=Plan)
+    poses: Array
+    twists: Array
+    steps: Array
+    slack: Array
+    cost: float = math.inf
 
 
 def everything_wide(obstacles: Obstacles, settings: AvoidanceSettings) -> Array:
@@ -82,45 +80,47 @@ def command_of(twist: Twist, depth: float) -> Command:
     return Command(twist)
 
 
-def replanning(
-    robot: Robot,
-    settings: AvoidanceSettings,
-    last: Twist,
-    is_free: Callable[[Situation], bool],
-    search: Callable[[P | None, Situation], Iterable[P | None]],
-) -> Step:
-    """Return the step of a method that plans every :data:`PERIOD` from its last plan.
+@dataclass(frozen=True)
+class Predictive(Baseline):
+    """A method that plans every :data:`PERIOD` from its last plan.
 
     The cheapest plan counts; without one the robot brakes (``stopped``).
-
-    Args:
-        robot: Footprint and limits.
-        settings: Radii and control step.
-        last: Twist driven last.
-        is_free: Whether no plan is needed: the desired twist is then driven, and the
-            last plan dropped.
-        search: Function from the last plan, or None, to the solver's plans; None for a
-            failure.
     """
-    kept: P | None = None
 
-    def plan(
-        desired: Twist, obstacles: Obstacles, context: StepContext
-    ) -> Command | None:
-        nonlocal kept
-        discs = everything_wide(obstacles, settings)
-        situation = Situation(desired, context, discs)
-        if is_free(situation):
-            kept = None
-            return None
-        found = [answer for answer in search(kept, situation) if answer is not None]
-        kept = min(found, key=lambda answer: answer.cost, default=None)
-        if kept is None:
-            return FAILED
-        v, omega = kept.twists[0].tolist()
-        return command_of((v, omega), kept.depth)
+    def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
+        """Return the step of a new run, of a robot that drives (v, ω) at present."""
+        kept: Plan | None = None
+        self.program()  # made before the first step
 
-    return stepping(robot, settings.dt, last, plan, PERIOD)
+        def plan(
+            desired: Twist, obstacles: Obstacles, context: StepContext
+        ) -> Command | None:
+            nonlocal kept
+            discs = everything_wide(obstacles, self.settings)
+            to = Situation(desired, context, discs)
+            if self.is_free(to):
+                kept = None
+                return None
+            found = [one for one in self.search(kept, to) if one is not None]
+            kept = min(found, key=lambda one: one.cost, default=None)
+            if kept is None:
+                return FAILED
+            v, omega = kept.twists[0].tolist()
+            return command_of((v, omega), float(kept.slack.max()))
+
+        return self.stepping((v, omega), plan, PERIOD)
+
+    def program(self) -> Any:
+        """Return the solver, shared by all runs of equal settings."""
+        raise NotImplementedError
+
+    def is_free(self, to: Situation) -> bool:
+        """Return whether the desired twist is driven, and the last plan dropped."""
+        raise NotImplementedError
+
+    def search(self, kept: Plan | None, to: Situation) -> Iterator[Plan | None]:
+        """Yield the solver's plans, from the last one if any; None for a failure."""
+        raise NotImplementedError
 
 
 NO_DISC = (1e3, 1e3, 0.0, 0.0, 0.0)
@@ -129,25 +129,10 @@ NO_DISC = (1e3, 1e3, 0.0, 0.0, 0.0)
 
 @entry
 @compiled_once
-def _nearest_discs_fits(
-    edges: Edges,
-    discs: Discs,
-    poses: Annotated[Matrix, Sizes(2, 3)],
-    at: Vector,
-    near: Annotated[MatrixWritten, Sizes(0, 5)],
-) -> bool:
-    """Return whether each stage has a time."""
-    all_fit: bool = at.shape[0] >= poses.shape[0] - 1
-    return all_fit
-
-
-@entry_if(_nearest_discs_fits)
-@compiled_once
 def nearest_discs(
     edges: Edges,
     discs: Discs,
-    poses: Annotated[Matrix, Sizes(2, 3)],
-    at: Vector,
+    stages: Annotated[Matrix, Sizes(1, 4)],
     near: Annotated[MatrixWritten, Sizes(0, 5)],
 ) -> None:
     """Fill in the discs (N·n, 5) nearest to the footprint at each stage.
@@ -155,15 +140,12 @@ def nearest_discs(
     Args:
         edges: Of the footprint.
         discs: (m, 5) of :func:`qpavoid.lab.baselines.drive.wide_discs`.
-        poses: (N + 1, 3) predicted poses of the robot; the first is the present one.
-        at: (N,) times, s.
+        stages: (N, 4) predicted poses of the robot, and their times, s.
         near: Filled in; absent discs are :data:`NO_DISC`.
     """
-    stages = poses.shape[0] - 1
-    count = near.shape[0] // stages
-    for k in range(stages):
-        x, y, time = poses[k + 1, 0], poses[k + 1, 1], at[k]
-        heading = poses[k + 1, 2]
+    count = near.shape[0] // stages.shape[0]
+    for k in range(stages.shape[0]):
+        x, y, heading, time = stages[k, 0], stages[k, 1], stages[k, 2], stages[k, 3]
         cos, sin = math.cos(heading), math.sin(heading)
         last, number = -math.inf, -1
         for j in range(k * count, (k + 1) * count):

@@ -7,11 +7,10 @@ import numpy as np
 
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.lab.baselines.drive import Baseline, Command, reference_ahead
-from qpavoid.lab.baselines.stopping import brake, free_time, setup_of
+from qpavoid.lab.baselines.stopping import free_time
 from qpavoid.model.contacts import clearance_of
 from qpavoid.model.kinematics import TINY
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import limit_twist
 from qpavoid.types import Array, Twist
 
 TICK, TICKS = 0.1, 40
@@ -76,19 +75,19 @@ class PursuitController(Baseline):
         self, desired: Twist, obstacles: Obstacles, context: StepContext
     ) -> Command | None:
         """Return the twist to the carrot, slowed down; None: the desired twist."""
-        distance = self._distance(obstacles)
+        distance = clearance_of(self.robot.footprint, obstacles.arrays)
         if math.hypot(*context.goal[:2]) < DOCKING:
             wanted = desired
         else:
             path = reference_ahead(context, self.robot, TICKS, TICK)
             wanted, time = self.pursued(path, context, distance)
             if self._free(wanted, obstacles, context, time) < time:
-                return brake(self.robot, context.driven, self.settings.dt)
+                return self.brake(context)
         share = self._free(wanted, obstacles, context, self.time) / self.time
         if distance < self.slow:
             share = min(share, self.share)
         if distance < self.stop or share == 0.0:
-            return brake(self.robot, context.driven, self.settings.dt)
+            return self.brake(context)
         return Command((share * wanted[0], share * wanted[1]))
 
     def pursued(
@@ -119,14 +118,9 @@ class PursuitController(Baseline):
         v *= min(1.0, math.hypot(*context.goal[:2]) / APPROACH)
         return (v, v * curvature), min(IMMINENT, way / max(v, TINY))
 
-    def _distance(self, obstacles: Obstacles) -> float:
-        """Return the distance of the nearest obstacle from the footprint, m."""
-        return clearance_of(self.robot.footprint, obstacles.arrays)
-
     def _free(
         self, wanted: Twist, obstacles: Obstacles, context: StepContext, time: float
     ) -> float:
         """Return for how long the footprint is free on a twist, ≤ ``time``, s."""
-        setup = setup_of(self.robot, self.settings)
-        twist = limit_twist(setup.robot, wanted, context.driven, self.settings.dt)
-        return free_time(setup, obstacles.arrays, 0.0, twist, time)
+        twist = self.limited(wanted, context)
+        return free_time(self.setup, obstacles.arrays, 0.0, twist, time)

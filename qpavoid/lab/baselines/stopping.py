@@ -8,8 +8,6 @@ from dataclasses import dataclass
 
 from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.controllers import StepContext
-from qpavoid.avoidance.decision import Status
-from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled_once, entry
 from qpavoid.lab.baselines.drive import Baseline, Command
 from qpavoid.model.capsules import RADIUS, Segment, capsule_at, has_length
@@ -17,9 +15,6 @@ from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import (
-    Robot,
-    braking_twist,
-    limit_twist,
     limits_of,
     stopping_time,
 )
@@ -30,11 +25,6 @@ ROUNDING = 1e-9
 
 LOOK_STEP = 2e-3
 """m; greatest motion of a footprint point between two samples of an obstacle."""
-
-
-def setup_of(robot: Robot, settings: AvoidanceSettings) -> Setup:
-    """Return robot and settings for compiled functions."""
-    return Setup(robot.footprint.edges, robot.limit_vector, settings.record())
 
 
 @compiled_once
@@ -109,13 +99,6 @@ def free_time(
     return end
 
 
-def brake(robot: Robot, driven: Twist, dt: float) -> Command:
-    """Return full braking along the arc of the twist driven last, or holding still."""
-    if not any(driven):
-        return Command((0.0, 0.0), Status.HOLDING)
-    return Command(braking_twist(robot.limit_vector, *driven, dt), Status.BRAKING)
-
-
 @dataclass(frozen=True)
 class StopController(Baseline):
     """Drive, drive slowly, or stop, with the curvature of the desired twist.
@@ -141,19 +124,18 @@ class StopController(Baseline):
         self, desired: Twist, obstacles: Obstacles, context: StepContext
     ) -> Command | None:
         """Return the desired twist slowed down, or braking; None: the desired twist."""
-        dt, numbers = self.settings.dt, self.robot.limit_vector
-        wanted = limit_twist(numbers, desired, context.driven, dt)
+        wanted = self.limited(desired, context)
         if self._is_free(wanted, obstacles, self.slow_time):
             return None
         slow = (self.slow_share * desired[0], self.slow_share * desired[1])
-        slow = limit_twist(numbers, slow, context.driven, dt)
+        slow = self.limited(slow, context)
         if self._is_free(slow, obstacles, 0.0):
             return Command(slow)
-        return brake(self.robot, context.driven, dt)
+        return self.brake(context)
 
     def _is_free(self, twist: Twist, obstacles: Obstacles, least: float) -> bool:
         """Return whether a twist keeps the margin until rest, and for ``least`` s."""
-        setup = setup_of(self.robot, self.settings)
+        setup = self.setup
         time = max(least, stopping_time(setup.robot, *twist, self.settings.dt))
         margin = self.margin * self.settings.radius.r_min_slow
         return free_time(setup, obstacles.arrays, margin, twist, time) >= time

@@ -13,7 +13,7 @@ from qpavoid.lab.baselines.predictive import PERIOD, everything_wide
 from qpavoid.model.contact import point_contact
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import limit_twist, twist_box
+from qpavoid.model.robot import twist_box
 from qpavoid.types import Box, Discs, Edges, Twist
 
 TOUCH = 1e-3
@@ -179,13 +179,12 @@ class TimeToCollisionController(Baseline):
     ) -> Command | None:
         """Return the least costly twist that is found; None: the desired twist."""
         problem = self.problem(obstacles, context)
-        driven, numbers = context.driven, self.robot.limit_vector
-        wanted = limit_twist(numbers, desired, driven, self.settings.dt)
+        wanted = self.limited(desired, context)
         if first_met(problem, wanted)[1] < 0:
             return None
         v, omega = wanted
         sides = ((v, omega + self.turn), (v, omega - self.turn))
-        starts = (driven, (0.0, 0.0), *sides)
+        starts = (context.driven, (0.0, 0.0), *sides)
         _, v, omega = min(descend(problem, start, self.steps) for start in starts)
         return Command((v, omega))
 

@@ -8,19 +8,15 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.avoidance.controllers import Step, StepContext
-from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.lab.baselines.drive import (
+    Baseline,
     Command,
-    Method,
     line_points,
     reference_ahead,
-    stepping,
 )
-from qpavoid.lab.baselines.stopping import brake
 from qpavoid.model.kinematics import TINY, wrap_angle
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Robot
 from qpavoid.types import Array, Matrix, Sizes, Twist, Vector, VectorWritten
 
 SECTORS = 72
@@ -155,7 +151,7 @@ def choose(
 
 
 @dataclass(frozen=True)
-class HistogramController:
+class HistogramController(Baseline):
     """Steering for the cheapest opening between obstacles.
 
     VFH+ has round robots: here the circle of ``radius``, which may be less than the
@@ -168,8 +164,6 @@ class HistogramController:
     obstacles beyond the goal are left out. Velocities are not used.
 
     Attributes:
-        robot: Footprint and limits.
-        settings: Control step.
         radius: Of the robot, from that of the inscribed circle (0) to that of the
             circumscribed one (1), both about the axle's middle.
         margin: Added to it, m.
@@ -180,8 +174,6 @@ class HistogramController:
         preview: s.
     """
 
-    robot: Robot
-    settings: AvoidanceSettings
     radius: float = 0.75
     margin: float = 0.05
     window: float = 1.5
@@ -192,9 +184,6 @@ class HistogramController:
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
-        return stepping(self.robot, self.settings.dt, (v, omega), self._plan())
-
-    def _plan(self) -> Method:
         histogram, radius = np.zeros(SECTORS), self._circle()
         blocked, last = np.zeros(SECTORS, dtype=np.bool_), -1.0
         width, limits = 2.0 * math.pi / SECTORS, self.robot.limits
@@ -222,13 +211,13 @@ class HistogramController:
                 masked.astype(np.float64), target, ahead, target if last < 0.0 else last
             )
             if last < 0.0:
-                return brake(self.robot, context.driven, self.settings.dt)
+                return self.brake(context)
             angle = wrap_angle((last - ahead) * width)
             pace = min(away / self.preview, limits.v_max)
             pace *= 1.0 - float(histogram[sector(ahead)])
             return Command((pace * max(0.0, math.cos(angle)), self.turn * angle))
 
-        return plan
+        return self.stepping((v, omega), plan)
 
     def _circle(self) -> float:
         """Return the radius of the robot with its margin, m."""

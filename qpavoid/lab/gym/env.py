@@ -14,17 +14,17 @@ from gymnasium.spaces import Box
 
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.errors import InvalidInputError
-from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
+from qpavoid.lab.scenario.scenario import Scenario
+from qpavoid.lab.sensing.lidar import Lidar, LidarSettings, Sensor
+from qpavoid.lab.simulation.loop import Simulation, make_sensor
 from qpavoid.lab.simulation.outcome import Goal
-from qpavoid.lab.simulation.scenario import Scenario
-from qpavoid.lab.simulation.simulation import Sensor, Simulation, make_sensor
 from qpavoid.lab.study.sweep.job import find_scene
 from qpavoid.lab.study.sweep.sources import scenario_file
 from qpavoid.lab.worlds.scenes import ScenarioFile
 from qpavoid.lab.worlds.source import Source
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import GREATEST
-from qpavoid.tracking.kanayama import tracking_error
+from qpavoid.settings import want
 from qpavoid.types import Array
 
 VIEW, RAY = 1000.0, 10.0
@@ -53,14 +53,9 @@ def twist_of(action: Any) -> Array:
     return twist.clip(-GREATEST, GREATEST)
 
 
-class Scenes(dict[int | None, Scenario]):
-    """Scenes by their seeds; another seed is an InvalidInputError."""
-
-    def __missing__(self, seed: int | None) -> Scenario:
-        raise InvalidInputError(f"scene {seed!r} is none of the seeds")
-
-
-def find_scenes(source: Place, seeds: Sequence[int] | None) -> Scenes:
+def find_scenes(
+    source: Place, seeds: Sequence[int] | None
+) -> dict[int | None, Scenario]:
     """Return the scenes of these seeds; else the first 100, or all there is by a file.
 
     Raises:
@@ -71,7 +66,7 @@ def find_scenes(source: Place, seeds: Sequence[int] | None) -> Scenes:
     if isinstance(source, str | os.PathLike):
         source = scenario_file(os.fspath(source))
     fixed = isinstance(source, ScenarioFile) and not source.is_drawn
-    scenes = Scenes()
+    scenes: dict[int | None, Scenario] = {}
     for seed in seeds if seeds is not None else [None] if fixed else range(100):
         try:
             scene = find_scene(source, seed, "{}", None)
@@ -158,6 +153,8 @@ class ScenarioEnv(gymnasium.Env):  # type: ignore[misc]
         super().reset(seed=seed)
         drawn = [*self._scenes][self.np_random.integers(len(self._scenes))]
         self._seed = (options or {}).get("scene", drawn)
+        known = self._seed in self._scenes
+        want(known, f"scene {self._seed!r} is none of the seeds")
         self._scene, self._steps = self._scenes[self._seed], 0
         alone = replace(self._scene, guide=None, sensor=Blind())
         self._simulation = Simulation(alone, lambda v, omega, seen, more: self._action)
@@ -202,7 +199,7 @@ class ScenarioEnv(gymnasium.Env):  # type: ignore[misc]
     def _observe(self) -> npt.NDArray[np.float32]:
         """Return the observation; note the distance from the goal."""
         pose = self._simulation.pose
-        x, y, turn = tracking_error(pose, self._simulation.goal)
+        x, y, turn = self._simulation.error(pose)
         place, self._away = np.clip([x, y], -VIEW, VIEW), math.hypot(x, y)
         head = *place, math.cos(turn), math.sin(turn), *self._simulation.driven
         row = np.concatenate([head, self._rays.ranges(pose, self._world())])

@@ -27,12 +27,12 @@ from qpavoid.guide.settings import BACK_SPEED, GuideSettings
 from qpavoid.guide.stage import fresh_stage
 from qpavoid.guide.state import NO_PATH
 from qpavoid.lab.play.program import Program
+from qpavoid.lab.scenario.config import find_config, read_document
+from qpavoid.lab.scenario.keys import UNITS, attributes_of
+from qpavoid.lab.scenario.methods import OURS, REGISTRY
+from qpavoid.lab.scenario.scenario import Scenario, make_scenario
+from qpavoid.lab.scenario.schema import Preset
 from qpavoid.lab.sensing.lidar import LidarSettings
-from qpavoid.lab.simulation.config import find_config, read_document
-from qpavoid.lab.simulation.methods import OURS, REGISTRY
-from qpavoid.lab.simulation.scenario import Scenario, make_scenario
-from qpavoid.lab.simulation.schema import Preset
-from qpavoid.lab.simulation.tables import UNITS, attributes_of
 from qpavoid.model.capsules import TURN, V_X, X1, Y1
 from qpavoid.model.contacts import CONTACT_SIZE
 from qpavoid.model.robot import Limits, Robot

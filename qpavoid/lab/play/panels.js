@@ -8,7 +8,7 @@ frame = {t, x, y, heading,             pose, world frame, m and rad
          xr, yr, hr,                   reference pose
          vd, wd, va, wa, v, w,         desired, aimed and chosen twist, m/s and rad/s
          clearance, rmin, r,           m
-         status, slack, solve_us,      word, m/s, microseconds
+         status, said, slack, solve_us,      word, sentence, m/s, microseconds
          contact: [x, y] | null,       P_r, world frame
          obstacle,                     number of the nearest: points, discs, walls, polygons
          box: [vlo, vhi, wlo, whi] | null,     limits of this step
@@ -36,21 +36,6 @@ Colours are CSS variables, written "--name", or plain CSS colours. */
 
 const Panels = (() => {
   const { begin, color, dot, label, line } = Pen;
-
-  const SENTENCES = {
-    tracking: "The desired twist is admissible and is driven unchanged.",
-    filtered: "The nearest twist that the obstacles and the limits allow is driven.",
-    planned: "No QP solution keeps the required distances; a plan that does is driven.",
-    steered: "The method drives a twist of its own instead of the desired one.",
-    relaxed: "No admissible twist keeps all required distances; the one with the least violation is driven.",
-    stopped: "The solver's answer failed its check; the robot brakes.",
-    repelled: "The repulsive velocity is added to the desired twist.",
-    singular: "The law is singular at this contact; the repulsion is left out.",
-    braking: "No safe twist was found; the robot brakes at full deceleration along its arc.",
-    holding: "No other motion is known to be safe; the robot holds still.",
-    blocked: "No path was found; the robot holds and needs a new plan.",
-    invalid: "Sensor data are invalid or stale; the robot stops clear of the last known static obstacles.",
-  };
 
   /* ---- from above ------------------------------------------------------------ */
 
@@ -293,10 +278,10 @@ const Panels = (() => {
     const slack = frame.slack > 0 ? `Slack: ${frame.slack.toFixed(3)} m/s.` : "";
     const held = differ(frame.v, frame.w, frame.vd, frame.wd) ? holders(frame, world) : "";
     const limited = frame.status === "tracking" && differ(frame.v, frame.w, frame.vd, frame.wd);
-    const why = limited ? "The limits of the robot change the desired twist." : SENTENCES[frame.status];
+    const why = limited ? "The limits of the robot change the desired twist." : frame.said;
     const parts = [why || frame.status, driven(frame), nearest(frame, world), held, slack];
     return parts.filter(Boolean).join(" ");
   }
 
-  return { top, toWorld, toPixel, fit, words, SENTENCES };
+  return { top, toWorld, toPixel, fit, words };
 })();

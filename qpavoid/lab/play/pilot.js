@@ -1,6 +1,6 @@
 "use strict";
 /* A robot on its way, driven by the package's own functions as WebAssembly: what
-qpavoid.lab.simulation.simulation does in Python, call by call. Qpavoid.Kernel is that of
+qpavoid.lab.simulation.loop does in Python, call by call. Qpavoid.Kernel is that of
 `export-c --wasm`; every pilot has a module of its own, whose memory goes with it.
 
 setup = {module, method, robot: {outlines, edges, limits, outline, inner}, settings by

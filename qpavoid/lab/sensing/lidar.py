@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, Protocol, TypeAlias
 
 import numpy as np
 
@@ -28,11 +28,12 @@ from qpavoid.model.capsules import (
 )
 from qpavoid.model.kinematics import to_world, wrap_angle
 from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import Robot
 from qpavoid.perception import settings as perceived
+from qpavoid.perception.perception import Perception
 from qpavoid.settings import FINITE, NO_KEY, NOT_NEGATIVE, SHARE, Range, check
 from qpavoid.types import Array, Arrays, Points, Pose, VectorWritten
 
-MOUNT = ("mount_x_m", "mount_y_m", "mount_heading_rad")
 ROUND = Range(gt=0.0, le=2 * math.pi + 1e-9, allow_inf_nan=False)
 SOME = Range(gt=0.0, le=1e6, allow_inf_nan=False)
 NONE_OR_SOME = Range(ge=0.0, le=1e6, allow_inf_nan=False)
@@ -76,7 +77,7 @@ class LidarSettings:
     sweep: Annotated[float, "s", perceived.SHORT] = 0.0
     delay: Annotated[float, "s", perceived.SHORT] = 0.0
     seed: Annotated[int, NO_KEY, Range(ge=0)] = 0
-    mount: Annotated[Pose, FINITE, MOUNT] = (0.0, 0.0, 0.0)
+    mount: Annotated[Pose, FINITE, perceived.MOUNT] = (0.0, 0.0, 0.0)
     point_radius: Annotated[float, "m", NONE_OR_SOME] = 0.02
     perception: bool = True
 
@@ -217,6 +218,41 @@ class Lidar:
     def _echoes(self, pose: Pose, ranges: Array) -> Array:
         echo = np.isfinite(ranges)
         return to_world(ranges[echo, None] * self._beams[echo], self._sensor(pose))
+
+
+Sensor: TypeAlias = Callable[[float, Obstacles, Pose], Obstacles]
+"""From time, obstacles (world frame) and the true pose to obstacles, robot frame."""
+
+
+class AnySensor(Protocol):
+    """A sensor that is given from Python."""
+
+    def start(self) -> Sensor:
+        """Return the function of a new run."""
+        ...
+
+
+def scanner(
+    robot: Robot,
+    settings: LidarSettings,
+    bodies: perceived.PerceptionSettings | None = None,
+) -> Sensor:
+    """Return a LiDAR on a robot: points, or what perception makes of its scans."""
+    lidar = Lidar(settings)
+    perception = Perception(robot, settings.geometry, bodies)
+    taken = math.nan
+
+    def see(time: float, obstacles: Obstacles, pose: Pose) -> Obstacles:
+        nonlocal taken
+        points = lidar.scan(pose, time, obstacles)
+        if not settings.perception:
+            return Obstacles(points)
+        if lidar.taken != taken:
+            taken = lidar.taken
+            perception.update(lidar.last, taken, lidar.pose)
+        return perception.obstacles(time, pose)
+
+    return see
 
 
 @entry

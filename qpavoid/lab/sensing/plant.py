@@ -12,8 +12,9 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from qpavoid.model.kinematics import STRAIGHT, wrap_angle
 from qpavoid.settings import NO_KEY, NOT_NEGATIVE, POSITIVE, Range, check
-from qpavoid.types import Twist
+from qpavoid.types import Pose, Twist
 
 
 class Drive(NamedTuple):
@@ -75,6 +76,17 @@ def _lagged(now: float, asked: float, lag: float, dt: float) -> tuple[float, flo
     left = math.exp(-dt / lag)
     mean = asked + (now - asked) * (1.0 - left) * lag / dt
     return mean, asked + (now - asked) * left
+
+
+def twist_between(start: Pose, end: Pose, dt: float) -> tuple[float, float, float]:
+    """Return v, ω and the lateral velocity of the arc between two poses, dt s apart."""
+    (x_0, y_0, heading_0), (x, y, heading) = start, end
+    angle = wrap_angle(heading - heading_0)
+    half = 0.5 * angle
+    sinc = math.sin(half) / half if abs(half) > STRAIGHT else 1.0 - half**2 / 6.0
+    cos, sin = math.cos(heading_0 + half), math.sin(heading_0 + half)
+    ahead = (cos * (x - x_0) + sin * (y - y_0)) / (sinc * dt)
+    return ahead, angle / dt, (cos * (y - y_0) - sin * (x - x_0)) / (sinc * dt)
 
 
 def wheel_speeds(v: float, omega: float, track: float) -> tuple[float, float]:

@@ -1,1 +1,1 @@
-"""Scenarios, their runs, and the log of a run."""
+"""Runs of scenarios, and the log of a run."""

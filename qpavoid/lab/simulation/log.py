@@ -71,12 +71,6 @@ ARRAYS = (
 )
 """Arrays of a log beside its columns."""
 
-NO_BACK_END = CLOSED_FORM, ITS_OWN = "closed form", "its own"
-"""Solver in ``meta`` of Eq. 5 and Eq. 7, and of a baseline."""
-
-PLAIN = (None, "exact", *NO_BACK_END)
-"""Solvers that go without saying behind a method's name."""
-
 PACKAGES = "numpy numba osqp casadi qpsolvers daqp scipy mujoco".split()
 
 

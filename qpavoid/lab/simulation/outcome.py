@@ -38,9 +38,6 @@ STALLED = 5.0
 UNCHANGED = 1e-6
 """m/s and rad/s; greatest difference that is not counted as a change of the twist."""
 
-SETTLED = 1.0
-"""s at the goal after which nothing more is expected to happen, unless one says so."""
-
 
 def differs(free: Twist, twist: Twist) -> bool:
     """Return whether a twist is not what the robot would drive if it were alone."""

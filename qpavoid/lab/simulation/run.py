@@ -8,11 +8,11 @@ import numpy as np
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.planning.planner import inverse
+from qpavoid.lab.scenario.methods import name_of, solver_of
+from qpavoid.lab.scenario.scenario import AT_LAST, Scenario
 from qpavoid.lab.simulation.log import COLUMNS, Log, LogRow, provenance, read_only
-from qpavoid.lab.simulation.methods import name_of, solver_of
+from qpavoid.lab.simulation.loop import Simulation
 from qpavoid.lab.simulation.outcome import Goal
-from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
-from qpavoid.lab.simulation.simulation import Simulation
 from qpavoid.model.capsules import OWNER, PIVOT_X, PIVOT_Y, TURN, V_X, X1, Y1
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.given import NO_POINTS
@@ -74,11 +74,10 @@ def among(world: Obstacles, bodies: Sequence[Array]) -> Iterator[Obstacles]:
     """
     for i in range(len(bodies) or 1):
         others = [*bodies[:i], *bodies[i + 1 :]]
-        yield world.joined(_all(others)) if others else world
-
-
-def _all(bodies: Sequence[Array]) -> Obstacles:
-    return Obstacles.of(NO_POINTS, np.vstack(bodies))
+        if others:
+            yield world.joined(Obstacles.of(NO_POINTS, np.vstack(others)))
+        else:
+            yield world
 
 
 def run(
@@ -96,9 +95,9 @@ def run(
     Args:
         scenario: What to run.
         controller: Name of the controller, see
-            :mod:`qpavoid.lab.simulation.methods`; or one's own: a function
+            :mod:`qpavoid.lab.scenario.methods`; or one's own: a function
             (v, ω, obstacles, context) → (v, ω), or a class, see
-            :class:`~qpavoid.lab.simulation.methods.OwnController`.
+            :class:`~qpavoid.lab.baselines.own.OwnController`.
         solver: Back end of the QP filter; other methods have none.
         progress: Called after every step with the number of steps done.
 

@@ -10,9 +10,9 @@ from rich.table import Table
 from qpavoid.avoidance.cbf_rows import R_MIN_TOLERANCE
 from qpavoid.errors import DataError
 from qpavoid.files import read_json
+from qpavoid.lab.scenario.scenario import Scenario
 from qpavoid.lab.simulation.log import Log, provenance
 from qpavoid.lab.simulation.run import run_fleet
-from qpavoid.lab.simulation.scenario import Scenario
 from qpavoid.lab.study.metrics import (
     BELOW,
     Metrics,

@@ -13,6 +13,7 @@ up to :data:`BLOCK_TIME`: the covariance is that of sums over blocks [Liang1986]
 """
 
 import math
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,9 +21,9 @@ import numpy as np
 
 from qpavoid.compiled import compiled
 from qpavoid.errors import DataError, InvalidInputError
+from qpavoid.lab.sensing.plant import twist_between
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.bags import odometry_and_commands
-from qpavoid.model.kinematics import STRAIGHT, wrap_angle
 from qpavoid.ros.messages import read_twist, seconds
 from qpavoid.types import Array
 
@@ -116,15 +117,10 @@ class Base(NamedTuple):
 def drive_of(log: Log) -> Response:
     """Return the drive of a run: its commands, and the arcs between its poses."""
     dt, keys = float(log.meta["dt_s"]), ("x_m", "y_m", "heading_rad")
-    x, y, heading = (np.append(log[key], log.final[i]) for i, key in enumerate(keys))
-    turned = np.array([wrap_angle(angle) for angle in np.diff(heading)])
-    half = 0.5 * turned
-    middle = heading[:-1] + half
-    ahead = np.cos(middle) * np.diff(x) + np.sin(middle) * np.diff(y)
-    curved = np.abs(half) > STRAIGHT
-    ahead[curved] *= half[curved] / np.sin(half[curved])
-    asked = np.column_stack([log["v_mps"], log["omega_radps"]])
-    return Response(dt, asked, np.column_stack([ahead, turned]) / dt)
+    columns = [np.append(log[key], log.final[i]) for i, key in enumerate(keys)]
+    ends = pairwise(np.column_stack(columns).tolist())
+    driven = np.array([twist_between(a, b, dt)[:2] for a, b in ends])
+    return Response(dt, np.column_stack([log["v_mps"], log["omega_radps"]]), driven)
 
 
 def bagged(path: Path, command: str = "") -> Response:

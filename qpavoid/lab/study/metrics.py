@@ -1,6 +1,5 @@
 """Metrics of one run: pure functions of its log."""
 
-import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeAlias, TypeVar
@@ -8,7 +7,8 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 
 from qpavoid.avoidance.decision import STATUSES
-from qpavoid.lab.simulation.log import NO_BACK_END, Log
+from qpavoid.lab.scenario.methods import NO_BACK_END
+from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.outcome import finite, outcome_of, verdict
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.types import Array
@@ -26,14 +26,30 @@ is not below it by rounding."""
 
 
 def metrics(log: Log) -> Metrics:
-    """Return all metrics of a run; ``None`` where one does not apply."""
+    """Return all metrics of a run; ``None`` where one does not apply.
+
+    Final errors are those from the reference, ``rms_error_m`` is over the run.
+    Roughness is the mean |Δv|/dt (m/s²) and |Δω|/dt (rad/s²) of successive commands.
+    """
     (noted,) = outcome_of(log)
+    v, omega, dt = log["v_mps"], log["omega_radps"], log.meta["dt_s"]
+    error = np.hypot(log["x_m"] - log["x_ref_m"], log["y_m"] - log["y_ref_m"])
+    turn = float(wrap_angle(log.final_reference[2] - log.final[2]))
     return {
         **{key: log.meta[key] for key in NAMED if key in log.meta},
         "outcome": verdict(noted),
         **zone(log),
-        **tracking(log),
-        **motion(log),
+        "rms_error_m": float(np.sqrt(np.mean(error**2))),
+        "max_error_m": finite(noted["deviation"]),
+        "final_error_m": finite(noted["error"]),
+        "final_heading_error_rad": turn,
+        "path_length_m": finite(noted["length"]),
+        "v_min_mps": float(v.min()),
+        "v_max_mps": float(v.max()),
+        "omega_min_radps": float(omega.min()),
+        "omega_max_radps": float(omega.max()),
+        "roughness_v_mps2": _roughness(v, dt),
+        "roughness_omega_radps2": _roughness(omega, dt),
         **effort(log),
         "arrived_s": finite(noted["arrived"]),
         "min_room_m": finite(noted["room"]),
@@ -89,35 +105,6 @@ def zone(log: Log) -> Metrics:
         "min_clearance_m": finite(clearance.min()),
         "time_below_r_s": dt * len(inside),
         "time_below_r_min_s": dt * int((clearance < log["r_min_m"] - BELOW).sum()),
-    }
-
-
-def tracking(log: Log) -> Metrics:
-    """Return distances from the reference over the run and at its end."""
-    error = np.hypot(log["x_m"] - log["x_ref_m"], log["y_m"] - log["y_ref_m"])
-    (x, y, heading), (x_r, y_r, heading_r) = log.final, log.final_reference[:3]
-    return {
-        "rms_error_m": float(np.sqrt(np.mean(error**2))),
-        "max_error_m": float(error.max()),
-        "final_error_m": math.hypot(x_r - x, y_r - y),
-        "final_heading_error_rad": float(wrap_angle(heading_r - heading)),
-    }
-
-
-def motion(log: Log) -> Metrics:
-    """Return path length, extreme speeds, and roughness.
-
-    Roughness is the mean |Δv|/dt (m/s²) and |Δω|/dt (rad/s²) of successive commands.
-    """
-    dt = log.meta["dt_s"]
-    return {
-        "path_length_m": float(np.abs(log["v_mps"]).sum() * dt),
-        "v_min_mps": float(log["v_mps"].min()),
-        "v_max_mps": float(log["v_mps"].max()),
-        "omega_min_radps": float(log["omega_radps"].min()),
-        "omega_max_radps": float(log["omega_radps"].max()),
-        "roughness_v_mps2": _roughness(log["v_mps"], dt),
-        "roughness_omega_radps2": _roughness(log["omega_radps"], dt),
     }
 
 

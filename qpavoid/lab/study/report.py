@@ -1,14 +1,15 @@
 """The report of a sweep: rankings and failures in Markdown, figures of kept logs."""
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from qpavoid.errors import DataError
-from qpavoid.lab.simulation.log import PLAIN, Log
+from qpavoid.lab.scenario.methods import labelled
+from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.plots import paths
 from qpavoid.lab.study.statistics import Interval, wilson
 from qpavoid.lab.study.tables import markdown_table
@@ -66,13 +67,7 @@ def write_report(results: Path, out: Path) -> Path:
 def method_of(row: Row) -> str:
     """Return controller, solver if it matters, and varied settings of a row."""
     settings = (f"{k} {_text(x)}" for k, x in row.items() if "." in k and x is not None)
-    return ", ".join([who(row), *settings])
-
-
-def who(row: Mapping[str, Any]) -> str:
-    """Return controller and solver, the latter if it does not go without saying."""
-    solver = row.get("solver")
-    return str(row["controller"]) + ("" if solver in PLAIN else f" ({solver})")
+    return ", ".join([labelled(row), *settings])
 
 
 def ranking(rows: Sequence[Row]) -> str:

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from qpavoid.errors import InvalidInputError
+from qpavoid.lab.scenario.world import ABSENT
 from qpavoid.lab.simulation.log import Log
-from qpavoid.lab.simulation.world import ABSENT
 from qpavoid.lab.study.metrics import by_fleet
 from qpavoid.lab.study.style import BLACK, COLORS, DANGER, MARGIN, SOLID, WIDTH, Style
 from qpavoid.model.footprint import offset_outline

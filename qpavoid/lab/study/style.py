@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from itertools import cycle
 from typing import NamedTuple, TypeAlias
 
-from qpavoid.lab.simulation.log import PLAIN, Log
+from qpavoid.lab.scenario.methods import labelled
+from qpavoid.lab.simulation.log import Log
 
 BLACK, BLUE, RED, GREEN = "#000000", "#0072B2", "#D55E00", "#009E73"
 
@@ -49,8 +50,7 @@ def styles(logs: Sequence[Log]) -> list[Style]:
     others = cycle(OTHERS)
     chosen = []
     for log in logs:
-        name, solver = str(log.meta["controller"]), log.meta["solver"]
+        name = str(log.meta["controller"])
         style = NAMED[name] if name in NAMED else Style(name, *next(others))
-        suffix = "" if solver in PLAIN else f" ({solver})"
-        chosen.append(style._replace(label=style.label + suffix))
+        chosen.append(style._replace(label=labelled(log.meta, style.label)))
     return chosen

@@ -18,8 +18,7 @@ import numpy as np
 
 from qpavoid.errors import DataError
 from qpavoid.files import read_lines, reading
-from qpavoid.model.kinematics import wrap_angle
-from qpavoid.types import Array, Pose
+from qpavoid.types import Array
 
 BEAMS = (180, 181, 360, 361)
 """Numbers of beams of known directions; FLASER has no field of view."""
@@ -78,58 +77,31 @@ def read_scans(path: str | os.PathLike[str]) -> Iterator[Scan]:
         DataError: The file is missing, ends early, holds no scan, or a line is damaged;
             the message names the line.
     """
-    number, lines, found = 0, read_lines(path), False
-    while True:
-        number += 1
-        from_here = f"{path}:{number}", "not readable from here on"
-        with reading(*from_here) if number > 1 else reading(path):
-            line = next(lines, "")
-        if not line:
-            break
-        if line.split(maxsplit=1)[:1] == ["FLASER"]:
-            found = True
-            yield _scan(f"{path}:{number}", line)
+    number, found = 0, False
+    with reading(path):
+        for number, line in enumerate(read_lines(path), start=1):
+            if line.split(maxsplit=1)[:1] == ["FLASER"]:
+                found = True
+                yield _scan(f"{path}:{number}", line)
     if not found:
         raise DataError(f"{path}: holds no FLASER line")
 
 
-def _check(where: str, numbers: Sequence[float], time: float) -> None:
-    if not np.isfinite([*numbers, time]).all():
-        raise DataError(f"{where}: a number is not finite")
-    if max(map(abs, numbers)) > LARGEST or not 0.0 <= time < LATEST:
-        raise DataError(f"{where}: a number is beyond what a robot drives")
-
-
 def _scan(where: str, line: str) -> Scan:
     words = line.split()
-    try:
+    with reading(where, "a damaged FLASER line"):
         beams = int(words[1])
-        if beams not in BEAMS:
-            raise DataError(f"{where}: {beams} beams, where {BEAMS} are known")
-        if len(words) != beams + OTHER_WORDS:
-            wanted = f"a scan of {beams} beams has {beams + OTHER_WORDS}"
-            raise DataError(f"{where}: {len(words)} words, where {wanted}")
-        ranges = np.array(words[2 : 2 + beams], dtype=np.float64)
-        x, y, heading, *others, time = map(float, [*words[-9:-3], words[-3]])
-    except (ValueError, IndexError) as error:
-        if isinstance(error, DataError):
-            raise
-        raise DataError(f"{where}: a damaged FLASER line ({error})") from None
-    _check(where, [*ranges, x, y, heading, *others], time)
-    if (ranges < 0).any():
-        raise DataError(f"{where}: a range is negative")
-    return Scan(time, (x, y, heading), ranges, beam_angles(beams))
-
-
-def twist_between(start: Pose, end: Pose, dt: float) -> tuple[float, float]:
-    """Return the twist whose arc has the chord and turn of a motion.
-
-    A lateral part of the motion, which the robot cannot drive, is left out.
-    """
-    turn = wrap_angle(end[2] - start[2])
-    middle = start[2] + 0.5 * turn
-    chord = (end[0] - start[0]) * np.cos(middle) + (end[1] - start[1]) * np.sin(middle)
-    return float(chord / np.sinc(turn / (2.0 * np.pi)) / dt), turn / dt
+        if beams not in BEAMS or len(words) != beams + OTHER_WORDS:
+            raise DataError(f"{where}: {len(words)} words of {beams} beams")
+        numbers = np.array([*words[2:-3], words[-3]], dtype=np.float64)
+        if not (np.abs(numbers[:-1]) <= LARGEST).all() or (numbers[:beams] < 0.0).any():
+            raise DataError(f"{where}: a number is not finite, negative or too large")
+        if not 0.0 <= numbers[-1] < LATEST:
+            raise DataError(f"{where}: the time is {words[-3]} s")
+    x, y, heading = numbers[beams : beams + 3].tolist()
+    return Scan(
+        float(numbers[-1]), (x, y, heading), numbers[:beams], beam_angles(beams)
+    )
 
 
 def in_order(scans: Sequence[Scan], where: str = "") -> list[Scan]:
@@ -140,11 +112,9 @@ def in_order(scans: Sequence[Scan], where: str = "") -> list[Scan]:
     Raises:
         DataError: There are fewer than two, or many are left out.
     """
-    latest, kept = -math.inf, []
-    for scan in scans:
-        if scan.time > latest:
-            kept.append(scan)
-            latest = scan.time
+    times = np.array([scan.time for scan in scans])
+    before = np.maximum.accumulate(np.concatenate([[-math.inf], times]))[:-1]
+    kept = [scans[k] for k in np.flatnonzero(times > before).tolist()]
     lost = len(scans) - len(kept)
     if lost > max(LOST_SHARE * len(scans), FEW_LOST):
         told = f"{lost} of {len(scans)} scans are not later than all before"

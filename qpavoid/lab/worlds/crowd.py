@@ -10,10 +10,8 @@ a second).
 
 import math
 import os
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -52,71 +50,43 @@ class Pedestrian(NamedTuple):
 def read_tracks(path: str | os.PathLike[str], fps: float) -> list[Pedestrian]:
     """Return the tracks of a file, by ascending id, each sorted by time.
 
+    An id that is absent for more than 10 s is another person's afterwards.
+
     Args:
         path: The ``obsmat.txt``.
         fps: Frames a second of the recording; see :data:`SET_FPS`.
 
-    An id that is absent for more than 10 s is another person's afterwards.
-
     Raises:
-        DataError: The file is missing or empty, or a line is damaged, not finite, more
-            than 1000 km away or repeats the frame of an id; the message names the line.
+        DataError: The file is missing or empty, or a row is damaged, not finite, more
+            than 1000 km away or repeats the frame of an id; the message names the row.
             No person moves along y, but heights change.
     """
-    if not (math.isfinite(fps) and fps > 0):
-        raise DataError(f"frames a second must be positive, not {fps}")
     with reading(path, "not a readable track file"):
-        lines = read_text(path).splitlines()
-    columns = len(next(filter(str.strip, lines), "").split())
-    samples: dict[int, dict[float, tuple[float, float]]] = {}
-    for number, line in enumerate(lines, start=1):
-        if not line.strip():
-            continue
-        frame, who, place = _sample(f"{path}:{number}", line, columns)
-        track = samples.setdefault(who, {})
-        if frame in track:
-            raise DataError(f"{path}:{number}: id {who} is at frame {frame:g} twice")
-        track[frame] = place
-    if not samples:
-        raise DataError(f"{path}: holds no track")
-    if columns == 8:
-        words = [line.split() for line in lines if line.strip()]
-        heights, ways = ({word[k] for word in words} for k in (3, 4))
-        if len(ways) == 1 < len(heights):
+        text = read_text(path)
+        table = np.loadtxt(text.splitlines(), ndmin=2) if text.strip() else np.empty(0)
+    if table.shape[1:] not in ((4,), (8,)):
+        raise DataError(f"{path}: holds no rows of 4 or 8 columns")
+    if table.shape[1] == 8:
+        if np.ptp(table[:, 4]) == 0.0 < np.ptp(table[:, 3]):
             raise DataError(f"{path}: only heights change: are y and z exchanged?")
+        table = table[:, [0, 1, 2, 4]]
+    _, first = np.unique(table[:, :2], axis=0, return_index=True)
+    told = {
+        "a number is not finite": ~np.isfinite(table).all(axis=1),
+        "the id is not a whole number": table[:, 1] % 1.0 != 0.0,
+        "the place is nowhere": np.abs(table[:, 2:]).max(axis=1) > FAR,
+        "an id is at one frame twice": ~np.isin(np.arange(len(table)), first),
+    }
+    for what, rows in told.items():
+        if rows.any():
+            raise DataError(f"{path}: row {int(rows.argmax()) + 1}: {what}")
+    table = table[np.lexsort(table.T[:2])]
+    steps = np.diff(table[:, :2], axis=0)
+    ends = np.flatnonzero((steps[:, 1] != 0.0) | (steps[:, 0] > REUSE_AFTER * fps))
     return [
-        Pedestrian(who, np.array(frames) / fps, np.array([track[k] for k in frames]))
-        for who, track in sorted(samples.items())
-        for frames in unbroken(sorted(track), REUSE_AFTER * fps)
+        Pedestrian(int(one[0, 1]), one[:, 0] / fps, one[:, 2:])
+        for one in np.split(table, ends + 1)
     ]
-
-
-def unbroken(frames: list[float], most: float) -> Iterator[list[float]]:
-    """Yield frames split at gaps of more than ``most``: a reused id."""
-    ends = [k for k, (a, b) in enumerate(pairwise(frames), 1) if b - a > most]
-    for first, last in pairwise([0, *ends, len(frames)]):
-        yield frames[first:last]
-
-
-def _sample(
-    where: str, line: str, columns: int
-) -> tuple[float, int, tuple[float, float]]:
-    """Return frame, id and place of a line."""
-    try:
-        numbers = [float(word) for word in line.split()]
-    except ValueError as error:
-        raise DataError(f"{where}: {error}") from None
-    wanted = columns if columns in (4, 8) else "8 or 4"
-    if len(numbers) != wanted:
-        raise DataError(f"{where}: {wanted} columns are wanted, not {len(numbers)}")
-    frame, who, x, y = numbers if len(numbers) == 4 else (*numbers[:3], numbers[4])
-    if not all(map(math.isfinite, (frame, who, x, y))):
-        raise DataError(f"{where}: a number is not finite")
-    if who % 1:
-        raise DataError(f"{where}: the id {who:g} is not a whole number")
-    if max(abs(x), abs(y)) > FAR:
-        raise DataError(f"{where}: ({x:g}, {y:g}) m is nowhere")
-    return frame, int(who), (x, y)
 
 
 SCENES = {

@@ -14,21 +14,58 @@ published 100 s of the world's clock, or at the first jump.
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
+from pydantic import BaseModel, Field, model_validator
 
 from qpavoid.errors import DataError
 from qpavoid.files import read_json
 from qpavoid.lab.worlds.barn import jackal
-from qpavoid.lab.worlds.source import find_file
-from qpavoid.settings import POSITIVE
+from qpavoid.lab.worlds.source import Number, find_file, parsed
+from qpavoid.settings import POSITIVE, Range
 from qpavoid.stamps import file_digest
 from qpavoid.types import Array
 
-DAMAGED = (KeyError, TypeError, ValueError, OverflowError)
-
 Restart = Literal["end", "reverse"]
+
+
+class Frames(BaseModel):
+    """Key frames of a cylinder: times (s), places (m), and the time of a loop (s)."""
+
+    t: Annotated[list[Number], Field(min_length=2)]
+    x: list[Number]
+    y: list[Number]
+    period: Number
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        if not len(self.t) == len(self.x) == len(self.y):
+            raise ValueError("t, x and y need the same length")
+        if self.t[0] != 0.0 or min(np.diff(self.t)) <= 0.0:
+            raise ValueError("times must increase from 0")
+        if self.period != self.t[-1]:
+            raise ValueError("the last key frame is not at the period")
+        return self
+
+
+class Wall(BaseModel):
+    """A wall: its middle and its sizes along x and y, m."""
+
+    center: tuple[Number, Number]
+    size: tuple[Number, Number]
+
+
+class Published(BaseModel):
+    """A file of worlds."""
+
+    timeout_s: Annotated[Number, Field(gt=0.0)]
+    robot_start: tuple[Number, Number, Number]
+    robot_goal: tuple[Number, Number]
+    goal_radius: Number
+    obstacle_radius: Number
+    walls: list[Wall]
+    worlds: dict[str, list[Frames]]
 
 
 class Cylinder(NamedTuple):
@@ -82,55 +119,30 @@ def read_world(
     Raises:
         DataError: The file is missing or damaged, or has no such world.
     """
-    if restart not in ("end", "reverse"):
-        raise DataError(f"restart is 'end' or 'reverse', not {restart!r}")
-    data = read_json(path)
-    try:
-        duration = float(data["timeout_s"])
-        frames = data["worlds"].get(str(world))
-        if frames is None:
-            raise DataError(f"{path}: there is no world {world}")
-        read = [
-            _key_frames(f"{path}: world {world}: cylinder {i}", frame)
-            for i, frame in enumerate(frames)
-        ]
-        if restart == "end":
-            duration = min([duration, *(cylinder.jump for cylinder in read)])
-        frames_in_all = sum(_frames(cylinder, duration) for cylinder in read)
-        if not (0.0 < duration and frames_in_all <= MOST_FRAMES):
-            raise DataError(
-                f"{path}: world {world}: {frames_in_all:g} key frames in {duration:g} s"
-            )
-        x, y, heading = map(float, data["robot_start"])
-        goal_x, goal_y = map(float, data["robot_goal"])
-        return DynaBarnWorld(
-            tuple(_unrolled(cylinder, duration) for cylinder in read),
-            float(data["obstacle_radius"]),
-            np.vstack([_sides(wall) for wall in data["walls"]]),
-            (x, y, heading),
-            (goal_x, goal_y),
-            float(data["goal_radius"]),
-            duration,
-        )
-    except (*DAMAGED, AttributeError) as error:
-        if isinstance(error, DataError):
-            raise
-        raise DataError(f"{path}: not a DynaBARN file ({error!r})") from None
+    file = parsed(Published, read_json(path), path)
+    if str(world) not in file.worlds:
+        raise DataError(f"{path}: there is no world {world}")
+    read, duration = [*map(_cylinder, file.worlds[str(world)])], file.timeout_s
+    if restart == "end":
+        duration = min([duration, *(cylinder.jump for cylinder in read)])
+    frames = sum(_frames(cylinder, duration) for cylinder in read)
+    if frames > MOST_FRAMES:
+        raise DataError(f"{path}: world {world}: {frames:g} key frames")
+    return DynaBarnWorld(
+        tuple(_unrolled(cylinder, duration) for cylinder in read),
+        file.obstacle_radius,
+        np.vstack([_sides(wall) for wall in file.walls]),
+        file.robot_start,
+        file.robot_goal,
+        file.goal_radius,
+        duration,
+    )
 
 
-def _key_frames(where: str, frame: Any) -> Cylinder:
-    times, x, y = (np.array(frame[key], dtype=np.float64) for key in "txy")
-    if times.ndim != 1 or len(times) < 2 or not times.shape == x.shape == y.shape:
-        raise DataError(f"{where}: t, x and y need the same length, 2 at least")
-    positions = np.column_stack([x, y])
-    if not (np.isfinite(times).all() and np.isfinite(positions).all()):
-        raise DataError(f"{where}: a number is not finite")
-    if times[0] != 0.0 or (np.diff(times) <= 0).any():
-        raise DataError(f"{where}: times must increase from 0")
-    if float(frame["period"]) != times[-1]:
-        raise DataError(f"{where}: the last key frame is not at the period")
-    closed = bool((positions[0] == positions[-1]).all())
-    return Cylinder(times, positions, np.inf if closed else float(times[-1]))
+def _cylinder(frames: Frames) -> Cylinder:
+    times, places = np.array(frames.t), np.column_stack([frames.x, frames.y])
+    closed = bool((places[0] == places[-1]).all())
+    return Cylinder(times, places, np.inf if closed else frames.period)
 
 
 def _frames(cylinder: Cylinder, until: float) -> float:
@@ -152,18 +164,15 @@ def _unrolled(cylinder: Cylinder, until: float) -> Cylinder:
     return Cylinder(np.concatenate(legs), np.concatenate(places), jump)
 
 
-def _sides(wall: Any) -> Array:
-    (x, y), (length, width) = wall["center"], wall["size"]
+def _sides(wall: Wall) -> Array:
+    (length, width) = wall.size
     corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * (length / 2, width / 2)
-    corners += x, y
+    corners += wall.center
     return np.hstack([corners, np.roll(corners, -1, axis=0)])
 
 
 MOST_FRAMES = 1_000_000
 """Greatest number of key frames of all cylinders of a world, repeated until its end."""
-
-PHASES = 3
-"""Number of start times of the robot in a world, evenly up to its first jump."""
 
 DYNABARN_FOLDERS = ("dynabarn", "")
 
@@ -178,13 +187,13 @@ class DynaBarn:
         jumps: At a jump of a cylinder: ``end`` or ``reverse``.
         speed: Greatest speed, m/s.
         data: Folder of published data sets.
-        phases: n, 1 or more.
+        phases: n, start times in a world, evenly up to its first jump.
     """
 
     jumps: Restart = "reverse"
     speed: Annotated[float, "mps", POSITIVE] = 1.0
     data: str | None = None
-    phases: int = PHASES
+    phases: Annotated[int, Range(ge=1)] = 3
 
     @property
     def name(self) -> str:

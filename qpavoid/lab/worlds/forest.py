@@ -9,22 +9,19 @@ the spot, each pose of the oriented footprint clear of everything by ``CLEARANCE
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.compiled import compiled_once, entry, entry_if
+from qpavoid.compiled import compiled_once, entry
 from qpavoid.model.capsules import Segment
 from qpavoid.model.contact import part_at, point_contact, wall_separation
 from qpavoid.model.footprint import Footprint
-from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.robot import Robot
 from qpavoid.settings import Range
 from qpavoid.tracking.path import SplinePath
-from qpavoid.types import Array, Edges, Matrix, Pose, Sizes, VectorWritten
-
-Poses: TypeAlias = Annotated[Matrix, Sizes(0, 3)]
+from qpavoid.types import Array, Edges, Matrix, MatrixWritten, Sizes
 
 CELL = 0.1
 """m; pitch of the lattice."""
@@ -72,19 +69,14 @@ class ForestScene:
     walls: Array
 
     @property
-    def start(self) -> Pose:
-        """Initial pose of the robot: the origin, facing the goal."""
-        return 0.0, 0.0, 0.0
-
-    @property
-    def goal(self) -> Pose:
-        """Pose ``length`` m ahead of the start, with its heading."""
-        return self.length, 0.0, 0.0
+    def points(self) -> list[list[float]]:
+        """Start and goal, m."""
+        return [[0.0, 0.0], [self.length, 0.0]]
 
     @property
     def path(self) -> SplinePath:
         """The reference: straight to the goal, from rest to rest."""
-        return SplinePath(np.array([self.start[:2], self.goal[:2]]), SPEED)
+        return SplinePath(np.array(self.points), SPEED)
 
 
 def make_scene(footprint: Footprint, seed: int, number: int) -> ForestScene:
@@ -126,7 +118,7 @@ def is_passable(footprint: Footprint, scene: ForestScene) -> bool:
     columns = round((scene.length + 2.0) / CELL) + 1
     poses, edges = lattice(columns)
     free = clear(footprint.edges, poses, scene.discs, scene.walls, CLEARANCE)
-    start, goal = (nearest_node(columns, pose) for pose in (scene.start, scene.goal))
+    start, goal = (nearest_node(columns, x) for x, _ in scene.points)
     if not (free[start] and free[goal]):
         return False
     # An edge is free if both its ends are; the excess of CLEARANCE over r_min covers
@@ -157,12 +149,11 @@ def lattice(columns: int) -> tuple[Array, np.ndarray]:
     return poses, np.hstack([forwards, left, left[::-1]])
 
 
-def nearest_node(columns: int, pose: Pose) -> int:
-    """Return the node nearest to a pose."""
+def nearest_node(columns: int, x: float) -> int:
+    """Return the node nearest to x (m) on the x axis, heading along it."""
     rows = round(2.0 * HALF_WIDTH / CELL) + 1
-    i, j = round((pose[0] + 1.0) / CELL), round((pose[1] + HALF_WIDTH) / CELL)
-    k = int(np.argmin([abs(wrap_angle(heading - pose[2])) for heading in HEADINGS]))
-    return (k * rows + j) * columns + i
+    i, j = round((x + 1.0) / CELL), round(HALF_WIDTH / CELL)
+    return (int(np.argmin(np.abs(HEADINGS))) * rows + j) * columns + i
 
 
 def clear(
@@ -179,29 +170,21 @@ def clear(
         walls: (K, 4) m.
         clearance: m.
     """
-    free = np.ones(len(poses))
-    mark_nearer(edges, poses, free, discs, walls, clearance)
-    return free > 0.0
+    marked = np.column_stack([poses, np.ones(len(poses))])
+    mark_nearer(edges, marked, discs, walls, clearance)
+    return marked[:, 3] > 0.0
 
 
 @entry
 @compiled_once
-def _a_mark_a_pose(edges: Edges, poses: Poses, free: VectorWritten) -> bool:
-    """Return whether each pose has a number."""
-    return bool(free.shape[0] >= poses.shape[0])
-
-
-@entry_if(_a_mark_a_pose)
-@compiled_once
 def mark_nearer(
     edges: Edges,
-    poses: Poses,
-    free: VectorWritten,
+    poses: Annotated[MatrixWritten, Sizes(0, 4)],
     discs: Annotated[Matrix, Sizes(0, 3)],
     walls: Annotated[Matrix, Sizes(0, 4)],
     clearance: float,
 ) -> None:
-    """Set ``free`` to 0 for poses nearer than a clearance; see :func:`clear`."""
+    """Set the fourth column to 0 for poses nearer than a clearance."""
     circumradius = 0.0
     for i in range(edges.shape[0]):
         away = math.sqrt(edges[i, 0] ** 2 + edges[i, 1] ** 2)
@@ -215,10 +198,10 @@ def mark_nearer(
                 continue
             touch = point_contact(edges, cos * d_x + sin * d_y, cos * d_y - sin * d_x)
             if touch.distance - radius < clearance:
-                free[n] = 0.0
+                poses[n, 3] = 0.0
                 break
         for k in range(walls.shape[0]):
-            if free[n] == 0.0:
+            if poses[n, 3] == 0.0:
                 break
             u_x, u_y = walls[k, 0] - x, walls[k, 1] - y
             w_x, w_y = walls[k, 2] - x, walls[k, 3] - y
@@ -233,7 +216,7 @@ def mark_nearer(
                 part = part_at(edges, stop)
                 stop = part.end
                 if wall_separation(edges, part, wall).distance < clearance:
-                    free[n] = 0.0
+                    poses[n, 3] = 0.0
 
 
 def scene_document(scene: ForestScene) -> dict[str, Any]:
@@ -258,7 +241,7 @@ def scene_document(scene: ForestScene) -> dict[str, Any]:
         "tracking": {"station_keeping": True},
         "reference": {
             "kind": "spline",
-            "points_m": [scene.start[:2], scene.goal[:2]],
+            "points_m": scene.points,
             "speed_mps": SPEED,
         },
         "obstacles": discs + walls,

@@ -10,17 +10,17 @@ import hashlib
 import io
 import math
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import BaseModel, Field
 
 from qpavoid.errors import DataError
 from qpavoid.files import below, read_bytes, read_yaml, reading
-from qpavoid.lab.worlds.source import data_roots, find_file
+from qpavoid.lab.worlds.source import Number, data_roots, find_file, parsed
 from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.stamps import file_digest
@@ -30,8 +30,18 @@ Cells: TypeAlias = npt.NDArray[np.bool_]
 
 MAP_FOLDERS = ("maps", "")
 MOST_PIXELS, MOST_WALLS, OPAQUE, DEEPEST = 16_000_000, 1_000_000, 255, 65_535
-KEYS = ("image", "resolution", "origin", "occupied_thresh", "free_thresh", "negate")
-MODES = ("trinary", "scale", "raw")
+
+
+class MapFile(BaseModel):
+    """Keys of a map's file; others are ignored. Thresholds are probabilities."""
+
+    image: Annotated[str, Field(strict=True)]
+    resolution: Annotated[Number, Field(gt=0.0)]
+    origin: tuple[Number, Number, Annotated[Number, Field(ge=-math.tau, le=math.tau)]]
+    occupied_thresh: Annotated[Number, Field(le=1.0)]
+    free_thresh: Annotated[Number, Field(ge=0.0)]
+    negate: bool
+    mode: Literal["trinary", "scale", "raw"] = "trinary"
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,66 +125,17 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
     Raises:
         DataError: A file is missing, damaged, or not supported.
     """
-    values = _read_yaml(Path(path))
-    resolution = _number(path, values, "resolution")
-    occupied, free = (
-        _number(path, values, f"{x}_thresh") for x in ("occupied", "free")
-    )
-    if resolution <= 0:
-        raise DataError(f"{path}: resolution must be positive, not {resolution:g}")
-    if not 0 <= free <= occupied <= 1:
-        raise DataError(
-            f"{path}: 0 <= free_thresh <= occupied_thresh <= 1 does not hold"
-        )
-    if values["negate"] not in (0, 1):
-        raise DataError(f"{path}: negate is 0 or 1")
-    if not isinstance(values["image"], str):
-        raise DataError(f"{path}: image is no name of a file")
-    folder = Path(path).parent
-    brightness = read_image(below(folder / values["image"], folder))[::-1]
-    p = brightness if values["negate"] else 1.0 - brightness
-    if values.get("mode") == "raw":
+    file, folder = parsed(MapFile, read_yaml(path), path), Path(path).parent
+    occupied, free = file.occupied_thresh, file.free_thresh
+    if free > occupied:
+        raise DataError(f"{path}: free_thresh <= occupied_thresh does not hold")
+    brightness = read_image(below(folder / file.image, folder))[::-1]
+    p = brightness if file.negate else 1.0 - brightness
+    if file.mode == "raw":
         p = 2.55 * brightness
         p = np.where(p <= 1.0 + 1e-9, p, 0.5 * (free + occupied))
     cells = [np.ascontiguousarray(part) for part in (p > occupied, p < free)]
-    return GridMap(cells[0], cells[1], resolution, _origin(path, values["origin"]))
-
-
-def _read_yaml(path: Path) -> Mapping[str, Any]:
-    """Return the content of a map's file; unknown keys are ignored."""
-    values = read_yaml(path)
-    if not isinstance(values, dict):
-        raise DataError(f"{path}: not a readable map file (no keys)")
-    missing = [key for key in KEYS if values.get(key) is None]
-    if missing:
-        raise DataError(f"{path}: {', '.join(missing)} is missing")
-    if values.get("mode", "trinary") not in MODES:
-        raise DataError(f"{path}: the mode is one of {', '.join(MODES)}")
-    return values
-
-
-def _number(path: str | os.PathLike[str], values: Mapping[str, Any], key: str) -> float:
-    try:
-        number = float("true" if isinstance(values[key], bool) else values[key])
-    except (TypeError, ValueError, OverflowError):
-        raise DataError(f"{path}: {key} is no number") from None
-    if not math.isfinite(number):
-        raise DataError(f"{path}: {key} is not finite")
-    return number
-
-
-def _origin(path: str | os.PathLike[str], value: Any) -> Pose:
-    try:
-        if not isinstance(value, list):
-            raise ValueError
-        x, y, heading = map(float, value)
-    except (TypeError, ValueError, OverflowError):
-        raise DataError(f"{path}: origin is [x, y, yaw]") from None
-    if not all(map(math.isfinite, (x, y, heading))):
-        raise DataError(f"{path}: origin is not finite")
-    if abs(heading) > math.tau:
-        raise DataError(f"{path}: the yaw of origin is in rad, not {heading:g}")
-    return x, y, heading
+    return GridMap(cells[0], cells[1], file.resolution, file.origin)
 
 
 def read_image(path: str | os.PathLike[str]) -> Array:

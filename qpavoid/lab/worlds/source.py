@@ -3,13 +3,37 @@
 import os
 from collections.abc import Hashable, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Annotated, Any, Protocol, TypeAlias, TypeVar
+
+from pydantic import BaseModel, BeforeValidator, Field, ValidationError
 
 from qpavoid.errors import DataError
 from qpavoid.files import below
 
 FAR = 1e6
 """m; greatest coordinate in a file."""
+
+
+Number: TypeAlias = Annotated[
+    float,
+    Field(allow_inf_nan=False),
+    BeforeValidator(lambda told: "bool" if isinstance(told, bool) else told),
+]
+M = TypeVar("M", bound=BaseModel)
+
+
+def parsed(model: type[M], told: Any, path: object) -> M:
+    """Return the content of a file as a model.
+
+    Raises:
+        DataError: With the path, and place and kind of the first problem.
+    """
+    try:
+        return model.model_validate(told)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"])) or "keys"
+        raise DataError(f"{path}: {where}: {first['msg']}") from None
 
 
 class Source(Hashable, Protocol):

@@ -11,9 +11,9 @@ import guided
 from near_things import DT, HEAVY, seeds, start, towards
 from qpavoid.avoidance.decision import Status
 from qpavoid.errors import InvalidInputError
-from qpavoid.lab.simulation.methods import OURS, REGISTRY
+from qpavoid.lab.scenario.methods import OURS, REGISTRY
+from qpavoid.lab.scenario.scenario import make_scenario
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import make_scenario
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot, twist_box
 from shapes import ROBOT as MIR

@@ -12,11 +12,11 @@ from qpavoid.lab.baselines import nmpc
 from qpavoid.lab.baselines.drive import reference_ahead, wide_discs
 from qpavoid.lab.baselines.mppi import (
     Judgement,
-    _average_fits,
     average,
     depth_within,
     rollout,
 )
+from qpavoid.lab.baselines.predictive import Situation
 from qpavoid.model.capsules import RADIUS
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
@@ -66,26 +66,21 @@ def test_mppi_misses_nothing_that_it_can_reach(seed):
     driven = rng.uniform(0.0, 1.5), 0.0  # some drive faster than they may
     by = method.judgement(seen, towards()._replace(driven=driven))
     assert np.all(np.diff(by.soonest) >= 0.0) and by.soonest[-1] > 4.0
-    samples = rng.uniform(-3, 3, (64, 80))
+    samples = rng.uniform(-3, 3, (64, 82))
     first, second, least = samples.copy(), samples.copy(), np.zeros(len(by.soonest))
-    judged, all_judged = np.zeros((2, 64)), np.zeros((2, 64))
-    rollout(by, first, *judged)
-    rollout(by._replace(soonest=least), second, *all_judged)
+    rollout(by, first)
+    rollout(by._replace(soonest=least), second)
     assert_array_equal(first, second)
-    assert_array_equal(judged, all_judged)
-    assert np.ptp(judged[1]) > 0.0
+    assert np.ptp(first[:, 81]) > 0.0
 
 
 def test_mppi_averages_by_cost():
     rng = np.random.default_rng(3)
     costs, samples = 1e5 + rng.uniform(0.0, 2.0, 40), rng.normal(size=(40, 12))
     mean = np.full(12, np.nan)
-    average(0.3, costs, samples, mean)
+    average(0.3, np.column_stack([samples, costs, 0.0 * costs]), mean)
     weights = scipy.special.softmax(-costs / 0.3)
     assert_allclose(mean, weights @ samples, rtol=1e-9, atol=1e-12)
-    assert not _average_fits(0.3, costs[:9], samples, mean)
-    assert not _average_fits(0.3, costs, samples, mean[:9])
-    assert not _average_fits(0.0, costs, samples, mean)
 
 
 def test_the_reference_ahead_stops_at_the_goal_and_can_be_reached():
@@ -104,7 +99,8 @@ def planned(discs, driven=(0.5, 0.0)):
     method, context = make("nmpc"), towards(driven=driven)
     reference = reference_ahead(context, ROBOT, method.stages, method.tick)
     start = next(method.starts(None, reference, (0.5, 0.0)))
-    return method, method.solve(method.program(), start, context, reference, discs)
+    to = Situation((0.5, 0.0), context, discs)
+    return method, method.solve(start, reference, to)
 
 
 def test_nmpc_plan_is_a_motion_of_the_unicycle_and_keeps_its_distance():
@@ -112,11 +108,11 @@ def test_nmpc_plan_is_a_motion_of_the_unicycle_and_keeps_its_distance():
     method, plan = planned(discs)
     exact = np.array([HERE])
     for k, (v, omega) in enumerate(plan.twists):
-        step = nmpc.driven_along(plan.twists[: k + 1], method.tick).poses[-1]
+        step = nmpc.driven_along(plan.twists[: k + 1], method.tick)[-1]
         assert plan.poses[k + 1] == pytest.approx(step, abs=1e-3)
         exact = np.vstack([exact, arc(*exact[-1], v, omega, method.tick)])
     assert plan.poses == pytest.approx(exact, abs=0.02)
-    assert plan.depth < 1e-3
+    assert plan.slack.max() < 1e-3
     there = Obstacles(discs=[(2.0, 0.3, 0.3)])
     for pose in plan.poses:
         assert clearance(there, tuple(pose)) > SETTINGS.radius.r_min_slow - 2e-3

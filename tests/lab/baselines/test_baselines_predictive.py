@@ -15,12 +15,10 @@ from qpavoid.lab.baselines.drive import round_robot, wide_discs
 from qpavoid.lab.baselines.orca import (
     Near,
     OrcaController,
-    found_by,
-    half_planes,
     violation,
 )
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.metrics import metrics
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import limit_twist
@@ -178,22 +176,6 @@ def test_orca_does_as_if_what_is_beyond_its_horizon_were_not_there(walls):
             for step, some in zip(steps, (walls, [*walls, *far]), strict=True)
         )
         assert near[:3] == both[:3]
-
-
-@pytest.mark.parametrize("walls", [[], [np.array([(1.5, -1.0), (1.5, 1.0)])]])
-def test_orca_says_the_same_of_a_world_that_was_asked_before(walls):
-    """Of what moves, which a step stops, and of what stands, where walls push it."""
-    method = make("orca")
-    discs = [(1.0, 0.2, 0.3), (2.0, -0.4, 0.2), (1.5, 0.9, 0.1)]
-    moving = Obstacles(discs=discs, disc_velocities=[(0.0, 0.0), (-0.3, 0.1), (0, 0)])
-    near = Near(wide_discs(moving, SETTINGS), walls)
-    worlds = [method.world(near, round_robot(ROBOT, method.ahead), 1.0) for _ in "ab"]
-    method.ask(worlds[0], near, (0.9, 0.1), (0.2, -0.1))
-    for world in worlds:
-        method.ask(world, near, (0.5, 0.0), (0.6, 0.0))
-    assert found_by(worlds[0]) == found_by(worlds[1]) != (0.6, 0.0)
-    lines = [np.array([*half_planes(world)]) for world in worlds]
-    assert len(lines[0]) > 2 and (lines[0] == lines[1]).all()
 
 
 def test_orca_knows_what_its_lines_forbid():

@@ -12,7 +12,8 @@ from oracles import point_distance, wall_distance
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines import apf, dwa, vfh
-from qpavoid.lab.baselines.stopping import free_time, setup_of
+from qpavoid.lab.baselines.drive import Baseline
+from qpavoid.lab.baselines.stopping import free_time
 from qpavoid.lab.baselines.vfh import SECTORS, WIDE
 from qpavoid.model.contacts import contact_table, empty_contacts
 from qpavoid.model.kinematics import arc
@@ -21,7 +22,7 @@ from qpavoid.model.robot import stopping_time, twist_box
 from shapes import ROBOT as MIR
 from shapes import clearance
 
-SETUP = setup_of(MIR, AvoidanceSettings())
+SETUP = Baseline(MIR, AvoidanceSettings()).setup
 robots = pytest.mark.parametrize("robot", (MIR, HEAVY), ids=("quick", "heavy"))
 
 
@@ -103,7 +104,7 @@ def test_the_force_is_the_gradient_of_the_potential(seed):
     edges, arrays = MIR.footprint.edges, obstacles.arrays
     table = empty_contacts(edges, arrays)
     count, _ = contact_table(edges, MIR.limit_vector[8], arrays, reach, table)
-    found = apf.whole_force(table, count, 0.02, reach)
+    found = apf.whole_force(table[:count], 0.02, reach)
     for value, (x, y) in zip(found, ((h, 0.0), (0.0, h)), strict=True):
         before = energy(obstacles, (-x, -y, 0.0), 0.02, reach)
         after = energy(obstacles, (x, y, 0.0), 0.02, reach)
@@ -209,7 +210,7 @@ def test_the_window_holds_what_a_rollout_admits_and_its_best(seed):
     rng = np.random.default_rng(seed)
     obstacles, driven = standing(rng), (0.4, rng.uniform(-1, 1))
     window = dwa.Window(
-        setup_of(HEAVY, AvoidanceSettings(dt=DT)),
+        Baseline(HEAVY, AvoidanceSettings(dt=DT)).setup,
         obstacles.arrays,
         weights=(1.0, 0.5, 0.3),
         look=0.6,

@@ -10,9 +10,9 @@ from scipy.integrate import solve_ivp
 
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.lab.simulation.methods import make_controller
+from qpavoid.lab.scenario.methods import make_controller
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import arc, integrate
 from qpavoid.model.obstacles import Obstacles

@@ -15,7 +15,6 @@ from qpavoid.lab.baselines.rpp import PursuitController
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from shapes import ROBOT as MIR
-from shapes import clearance
 
 NOWHERE, HERE = Obstacles(), (0.0, 0.0, 0.0)
 RPP = PursuitController(MIR, SETTINGS, look_time=1.5, near=0.6)
@@ -98,16 +97,3 @@ def test_its_zones_slow_it_down_and_stop_it():
     assert method.start()(0.5, 0.0, beside[2], along(driven=(0, 0))).status is (
         Status.HOLDING
     )
-
-
-def test_what_stands_across_the_path_holds_it_up():
-    wall = Obstacles(walls=[[2.0, -1.0, 2.0, 1.0]])
-    step, pose, driven = start("rpp"), HERE, (0.0, 0.0)
-    for _ in range(300):
-        seen = wall.seen_from(pose)
-        context = StepContext(
-            pose, (0.3, 0, 0), (0.5, 0), (8.0 - pose[0], 0, 0), driven
-        )
-        driven = step(0.5, 0.0, seen, context)[:2]
-        pose = arc(*pose, *driven, DT)
-    assert 0.0 < clearance(wall, pose) < 0.6 and abs(driven[0]) < 1e-3

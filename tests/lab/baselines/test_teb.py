@@ -5,12 +5,10 @@ import pytest
 
 from guided import HERE, SETTINGS, SLOW_ROBOT, make, towards
 from qpavoid.avoidance.decision import Status
-from qpavoid.lab.baselines import teb
 from qpavoid.lab.baselines.drive import wide_discs
-from qpavoid.lab.baselines.teb import Task
+from qpavoid.lab.baselines.predictive import Situation
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import braking_twist
 from shapes import ROBOT, clearance
 
 METHOD = make("teb")
@@ -19,9 +17,9 @@ END = (2.8, 0.0, 0.0)
 
 def planned(obstacles, method=METHOD, driven=(0.5, 0.0), end=END):
     """Return the bands that a first step finds, the cheapest first."""
-    task = Task(end, driven, wide_discs(obstacles, SETTINGS))
-    program = method.program()
-    bands = [method.solve(program, x, task) for x in method.starts(None, task)]
+    discs = wide_discs(obstacles, SETTINGS)
+    to = Situation((0.5, 0.0), towards(driven=driven), discs)
+    bands = [method.solve(x, end, to) for x in method.starts(None, end, to)]
     return sorted(bands, key=lambda band: band.cost)
 
 
@@ -110,14 +108,3 @@ def test_where_no_band_keeps_clear_it_relaxes_or_brakes():
     decision = METHOD.start(0.5)(0.5, 0.0, closing, towards())
     assert decision.status in (Status.RELAXED, Status.STOPPED)
     assert np.isfinite(decision[:2]).all()
-
-
-def test_it_brakes_where_the_solver_fails(monkeypatch):
-    few = {**teb.OPTIONS, "max_iter": 0}
-    monkeypatch.setattr(teb, "OPTIONS", few)
-    teb.make_band_program.cache_clear()
-    step = make("teb", SLOW_ROBOT).start(0.5, 0.0)
-    decision = step(0.5, 0.0, Obstacles(discs=[(1.5, 0.1, 0.3)]), towards())
-    teb.make_band_program.cache_clear()
-    braked = braking_twist(SLOW_ROBOT.limit_vector, 0.5, 0.0, SETTINGS.dt)
-    assert decision[:3] == (*braked, Status.STOPPED)

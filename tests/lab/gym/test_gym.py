@@ -8,9 +8,9 @@ import pytest
 
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.errors import InvalidInputError, MissingExtraError, UnknownNameError
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.outcome import outcome_of
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from scenario_files import CROSSING, SLOW
@@ -241,13 +241,6 @@ def test_what_has_not_been_reset_says_so():
     for one in (env, qgym.ShieldedEnv(env)):
         with pytest.raises(gymnasium.error.ResetNeeded, match="reset first"):
             one.step((0.1, 0.0))
-
-
-def test_a_base_that_slips_does_not_get_as_far(place):
-    env = qgym.ScenarioEnv(place(CROSSING, "[plant]\nslip = 0.1\n"))
-    env.reset()
-    _, reward, *_ = env.step((1.0, 0.0))
-    assert 0.0 < reward < np.hypot(2.0, 0.5) - np.hypot(1.95, 0.5)
 
 
 def test_what_is_not_simulated_is_refused(place):

@@ -11,9 +11,9 @@ from scipy.sparse.csgraph import dijkstra
 from qpavoid.errors import UnknownNameError
 from qpavoid.lab.planning.grid import SEARCHES, Grid, cheapest_way
 from qpavoid.lab.planning.planner import Planner, PlannerSettings, PlanningProblem
-from qpavoid.lab.simulation.methods import Method, find_method
+from qpavoid.lab.scenario.methods import Method, find_method
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.model.obstacles import Obstacles
 
 pytest.importorskip("tcod", reason="needs qpavoid[baselines]")

@@ -3,7 +3,6 @@
 import itertools
 import json
 import math
-import re
 import time
 import tomllib
 from contextlib import contextmanager
@@ -14,7 +13,6 @@ import pytest
 
 from browser import chromium, opened
 from parked import BESIDE, PARKED
-from qpavoid.avoidance.decision import SENTENCES
 from qpavoid.cli import main
 from qpavoid.errors import MissingExtraError, QPAvoidError, UnknownNameError
 from qpavoid.export.build import zig
@@ -22,14 +20,13 @@ from qpavoid.lab.play import program as programs
 from qpavoid.lab.play.page import (
     METHODS,
     as_json,
-    part,
     play_page,
     scene,
     write_page,
 )
 from qpavoid.lab.play.program import Program, program
+from qpavoid.lab.scenario.scenario import load_scenario, make_scenario
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario, make_scenario
 
 without_program = pytest.mark.skipif(
     not (zig() or programs.BUILT.is_dir()),
@@ -343,11 +340,6 @@ def test_data_cannot_leave_its_place_in_the_page():
     text = as_json({"a": hostile, "b": [math.nan, math.inf, 1.5], "c": "\u2028"})
     assert not set("<>&\u2028") & set(text)
     assert json.loads(text) == {"a": hostile, "b": [None, None, 1.5], "c": "\u2028"}
-
-
-def test_the_page_says_of_a_status_what_python_says():
-    told = dict(re.findall(r'^    (\w+): "(.+)",$', part("panels.js"), re.MULTILINE))
-    assert told == {str(status): text for status, text in SENTENCES.items()}
 
 
 def test_a_page_holds_its_program_and_no_html_of_a_title(config):

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from qpavoid.avoidance.decision import STATUSES, Status
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
 from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation.log import COLUMNS
+from qpavoid.lab.simulation.loop import make_sensor
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
-from qpavoid.lab.simulation.simulation import make_sensor
 from qpavoid.lab.study.metrics import metrics
 from qpavoid.model.obstacles import Obstacles
 

@@ -8,11 +8,10 @@ import pytest
 from minimal import problems, write
 from outlines import outlines
 from qpavoid.errors import InvalidInputError
-from qpavoid.lab.simulation.config import builtin_configs
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.outcome import OUTCOME, outcome_of, verdict, worst_of
 from qpavoid.lab.simulation.run import RobotObstacle, among, run, run_fleet
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.plots import frames
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import integrate, to_world
@@ -200,11 +199,6 @@ def test_the_worst_robot_counts(three):
     outcomes["arrived"][1] = math.inf
     assert verdict(worst_of(outcomes)[0]) == "off goal"
     assert worst_of(np.zeros(1, OUTCOME)) == np.zeros(1, OUTCOME)
-
-
-@pytest.mark.parametrize("name", [n for n in builtin_configs() if n[:5] == "fleet"])
-def test_the_shipped_fleets_are_several(name):
-    assert len(load_scenario(name).robots) > 1
 
 
 def test_a_robot_of_several_parts_is_logged_drawn_and_met_by_another(tmp_path):

@@ -1,7 +1,5 @@
 """Convex polygons that move and turn, in every part of the package that meets them."""
 
-import math
-
 import numpy as np
 import pytest
 import shapely
@@ -13,9 +11,8 @@ from qpavoid.lab.baselines.drive import line_points, wide_discs, wide_lines
 from qpavoid.lab.baselines.mppi import Judgement, depth_within
 from qpavoid.lab.baselines.orca import by_motion
 from qpavoid.lab.planning.grid import Grid
-from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.model.capsules import CAPSULE_WIDTH, RADIUS, X1, Y2
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import to_world
@@ -126,27 +123,6 @@ def test_a_polygon_that_turns_towards_the_robot_is_moving():
 
 
 # ---------------------------------------------------------------------- what is seen
-@pytest.mark.parametrize("time", [0.0, 2.0])
-def test_rays_end_at_the_edges(time):
-    settings = LidarSettings(beams=120, range=6.0)
-    pose, world = (0.2, 0.3, 0.4), CART.moved(time)
-    ranges = Lidar(settings).ranges(pose, world)
-    solid = shapely.Polygon(world.polygons[0])
-    for k in range(120):
-        angle = pose[2] + 2 * math.pi * ((k + 0.5) / 120 - 0.5)
-        far = np.add(pose[:2], 6.0 * np.array([math.cos(angle), math.sin(angle)]))
-        met = shapely.LineString([pose[:2], far]).intersection(solid)
-        expected = met.distance(shapely.Point(pose[:2])) if not met.is_empty else 6.0
-        assert ranges[k] == pytest.approx(expected, abs=1e-9)
-
-
-def test_a_scan_sees_where_the_polygon_is_by_then():
-    lidar = Lidar(LidarSettings(beams=360, rate=10.0, noise=0.0))
-    for time in (0.0, 1.0, 2.0):
-        world = CART.moved(time)
-        edge = shapely.Polygon(world.polygons[0]).exterior
-        for point in lidar.scan((0.0, 0.0, 0.0), time, world):
-            assert edge.distance(shapely.Point(point)) < 1e-9
 
 
 def test_velocities_of_polygons_are_known_where_those_of_discs_are_estimated(tmp_path):

@@ -8,9 +8,9 @@ import pytest
 
 from qpavoid.cli import main
 from qpavoid.errors import InvalidInputError, QPAvoidError
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.bags import BagWriter
 from qpavoid.lab.study.identify import (
     Response,

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.outcome import contacts_moving, mean_jerk, verdict
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.metrics import metrics
 from qpavoid.lab.study.sweep.job import Job, run_job
 from qpavoid.lab.study.sweep.sources import scenario_file

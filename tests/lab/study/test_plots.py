@@ -5,19 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib import pyplot
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from PIL import Image
 
 from qpavoid.errors import InvalidInputError
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study import plots
 from qpavoid.lab.study.metrics import metrics
 from qpavoid.lab.study.scene import decisive_step, draw_run, middles, view_box
-from qpavoid.lab.study.style import SOLID, styles
+from qpavoid.lab.study.style import styles
 from qpavoid.model.contact import point_contact
 from qpavoid.model.footprint import offset_outline
 from qpavoid.model.kinematics import to_world
@@ -84,34 +83,6 @@ def test_frame_shows_what_the_log_says(logs):
     np.testing.assert_array_equal(driven[0].get_xdata(), log["x_m"][: step + 1])
 
 
-def test_discs_are_drawn_to_scale(worlds):
-    log = replace(worlds["fast"][0], walls=np.empty((0, 4)))
-    figure = plots.frames([log], times=[1.0])
-    figure.set_dpi(200)
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    (axes,) = figure.axes
-    x, y = np.rint(axes.bbox.get_points()).astype(int).T
-    inside = np.asarray(canvas.buffer_rgba())[::-1][slice(*y), slice(*x), :3]
-    pixels = (inside == int(SOLID[1:3], 16)).all(axis=-1).sum()
-    per_metre = axes.bbox.width / np.ptp(axes.get_xlim())
-    assert pixels / per_metre**2 == pytest.approx(np.pi * 0.1**2, rel=0.1)
-
-
-def test_frame_times_come_from_the_interaction(logs, worlds):
-    assert plots.frame_times(logs) == [0.0, 1.5, 3.0]
-    unnamed = [replace(log, meta={**log.meta, "frames_s": []}) for log in logs]
-    times = plots.frame_times(unnamed)
-    entries = [metrics(log)["zone_entry_s"] for log in logs]
-    assert len(times) >= 4
-    assert times[0] == 0.0
-    assert times[1] == min(entries)
-    assert times[-1] == logs[0]["t_s"][-1]
-    alone = worlds["empty"][0]
-    free = replace(alone, meta={**alone.meta, "frames_s": []})
-    np.testing.assert_allclose(plots.frame_times([free]), np.linspace(0.0, 3.95, 4))
-
-
 def test_view_holds_robots_plans_and_near_discs(logs):
     x_low, x_high, y_low, y_high = view_box(logs, steps=[0, 30])
     for log in logs:
@@ -121,38 +92,6 @@ def test_view_holds_robots_plans_and_near_discs(logs):
             assert x_low <= zone[:, 0].min() and zone[:, 0].max() <= x_high
             assert y_low <= zone[:, 1].min() and zone[:, 1].max() <= y_high
         assert y_low < log.discs[30, 0, 1] < y_high
-
-
-def test_poses_against_the_plan(logs):
-    axes = plots.poses(logs).axes
-    labels = [x.get_ylabel() for x in axes]
-    assert labels == ["x (m)", "y (m)", "heading γ (rad)"]
-    assert axes[-1].get_xlabel() == "t (s)"
-    assert {x.get_xlim() for x in axes} == {(0.0, 4.0)}
-    for panel, name in zip(axes, ("x_m", "y_m", "heading_rad"), strict=True):
-        for log, style in zip(logs, styles(logs), strict=True):
-            drawn = line(panel, style.label)
-            np.testing.assert_array_equal(drawn.get_ydata(), log[name])
-        planned = line(panel, "planned").get_ydata()
-        reference = name.replace("_", "_ref_", 1)
-        np.testing.assert_array_equal(planned, logs[0][reference])
-
-
-def test_twists_share_their_scales_and_shade_the_zone(logs):
-    axes = plots.twists(logs).axes
-    for column, name in enumerate(("v_mps", "omega_radps")):
-        panels = axes[column::2]
-        assert len({panel.get_ylim() for panel in panels}) == 1
-        for panel, log in zip(panels, logs, strict=True):
-            np.testing.assert_array_equal(panel.get_lines()[0].get_ydata(), log[name])
-            planned = line(panel, "planned")
-            assert planned.get_linestyle() == ":"
-            reference = name.replace("_", "_ref_")
-            np.testing.assert_array_equal(planned.get_ydata(), log[reference])
-            (shade,) = panel.collections
-            reach = shade.get_datalim(panel.transData)
-            assert reach.x0 == pytest.approx(metrics(log)["zone_entry_s"])
-    assert [x.get_ylabel() for x in axes[:2]] == ["Eq. 5\nv (m/s)", "ω (rad/s)"]
 
 
 def test_distance_shows_bands_entry_and_exit(logs):

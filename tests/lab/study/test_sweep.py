@@ -16,7 +16,8 @@ pytest.importorskip("pyarrow", reason="needs qpavoid[study]")
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.sweep.engine import sweep
 from qpavoid.lab.study.sweep.store import read_provenance, read_rows, shards
-from qpavoid.lab.study.sweep.study import Study, read_study
+from qpavoid.lab.study.sweep.study import Study, own_stamp, read_study
+from qpavoid.stamps import file_stamp, imported_files, source_stamp
 from sweep_sources import table_hash, toml
 
 STUDY = """
@@ -332,24 +333,20 @@ def test_a_run_is_known_by_the_code_of_a_source_of_ones_own(
     assert runs[0] == runs[1] and len(runs[0] - runs[2]) == len(runs[0]) // 2
 
 
-def test_of_several_robots_a_row_has_the_worst(tmp_path):
-    way = """[[robots]]
-kind = "one"
-jitter_m = 0.05
-reference = {{ kind = "spline", points_m = [[0.0, {}], [{}, {}]], speed_mps = 0.7 }}
-"""
-    head = 'title = "Two"\nduration_s = 4.0\ndt_s = 0.05\nends_at_goal = true\n'
-    ways = way.format(0.0, 1.0, 0.0) + way.format(3.0, 9.0, 3.0)
-    (tmp_path / "two.toml").write_text(head + "arrival_m = 0.2\n" + ways)
-    path = tmp_path / "study.toml"
-    path.write_text(
-        'title = "t"\ncontrollers = ["eq5"]\nseeds = "0:2"\ntrajectories = "all"\n'
-        '[[scenarios]]\nconfig = "two.toml"\n'
+def test_a_method_is_another_when_what_it_imports_is(tmp_path, monkeypatch):
+    (tmp_path / "gain_r.py").write_text("K = 1.0\n")
+    (tmp_path / "uses_r.py").write_text(
+        "from gain_r import K\n\ndef go(v, omega, obstacles, context):\n"
+        "    return K * v, omega\n"
     )
-    sweep(read_study(path), tmp_path / "out", workers=1)
-    rows = read_rows(tmp_path / "out")
-    assert [row["seed"] for row in rows] == [0, 1]
-    assert [row["outcome"] for row in rows] == ["off goal"] * 2
-    assert all(row["final_error_m"] > 1.0 for row in rows)
-    assert len({row["min_clearance_m"] for row in rows}) == 2
-    assert len(list((tmp_path / "out" / "logs").glob("*.npz"))) == 2
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def stamp():
+        for known in (file_stamp, imported_files, source_stamp):
+            known.cache_clear()
+        return own_stamp("uses_r:go")
+
+    before = stamp()
+    assert stamp() == before and own_stamp("qp") == ""
+    (tmp_path / "gain_r.py").write_text("K = 0.0\n")
+    assert stamp() != before

@@ -34,7 +34,8 @@ def test_scenes_are_as_described(robot, some):
         assert 8.0 <= scene.length <= 12.0
         assert 6 <= len(scene.discs) <= 15 and 0 <= len(scene.walls) <= 4
         assert ((scene.discs[:, 2] >= 0.1) & (scene.discs[:, 2] <= 0.5)).all()
-        start, goal = exact_clearance(robot.footprint, scene, [scene.start, scene.goal])
+        ends = [(x, y, 0.0) for x, y in scene.points]
+        start, goal = exact_clearance(robot.footprint, scene, ends)
         assert min(start, goal) >= 0.17
         end = scene.path.sample(np.array([1e9]))[0]
         np.testing.assert_allclose(end, [scene.length, 0.0, 0.0, 0.0, 0.0], atol=1e-6)

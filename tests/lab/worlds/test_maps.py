@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from qpavoid.errors import DataError
-from qpavoid.lab.simulation.scenario import load_scenario, make_scenario
+from qpavoid.lab.scenario.scenario import load_scenario, make_scenario
+from qpavoid.lab.worlds import map_server
 from qpavoid.model.contacts import Contacts
 
 pytest.importorskip("tcod", reason="needs qpavoid[baselines]")
@@ -15,23 +16,27 @@ from qpavoid.lab.worlds.maps import Maps
 from qpavoid.lab.worlds.scenes import ScenarioFile
 
 YAML = """image: {name}.pgm
-resolution: 0.1
-origin: [-2.0, 1.0, 0.0]
+resolution: {resolution}
+origin: [-2.0, 1.0, {yaw}]
 negate: 0
 occupied_thresh: 0.65
 free_thresh: 0.25
 """
 
 
-def draw(folder, name="hall", width=18.0, height=12.0):
-    """Write a hall with a wall across and a pillar."""
-    image = np.full((int(10 * height), int(10 * width)), 254, dtype=np.uint8)
+def draw(folder, name="hall", width=18.0, height=12.0, resolution=0.1, yaw=0.0):
+    """Write a hall with a wall across and a pillar; none of these in coarse ones."""
+    rows, columns = round(height / resolution), round(width / resolution)
+    image = np.full((rows, columns), 254, dtype=np.uint8)
     image[[0, -1], :], image[:, [0, -1]] = 0, 0
-    image[: int(7 * height), int(5 * width)] = 0
-    image[60:64, 30:34] = 0  # beyond small halls
+    if resolution == 0.1:
+        image[: int(7 * height), int(5 * width)] = 0
+        image[60:64, 30:34] = 0  # beyond small halls
     header = f"P5\n{image.shape[1]} {image.shape[0]}\n255\n".encode()
     (folder / f"{name}.pgm").write_bytes(header + image.tobytes())
-    (folder / f"{name}.yaml").write_text(YAML.format(name=name))
+    (folder / f"{name}.yaml").write_text(
+        YAML.format(name=name, resolution=resolution, yaw=yaw)
+    )
     return folder
 
 
@@ -96,3 +101,31 @@ def test_a_damaged_map_is_refused(tmp_path):
     cut.write_bytes(cut.read_bytes()[:-1])
     with pytest.raises(DataError, match=r"cut\.pgm: not a readable image"):
         Maps("cut", str(tmp_path)).sample(0)
+
+
+def everything(document):
+    yield document["start"]["x_m"], document["start"]["y_m"]
+    goal = document["reference"]["pose"]
+    yield goal["x_m"], goal["y_m"]
+    for thing in document["obstacles"][1:]:
+        yield from thing.get("positions_m", [thing.get("position_m")])
+
+
+@pytest.mark.parametrize(("yaw", "resolution"), [(math.pi / 4, 0.05), (0.0, 1.0)])
+def test_tasks_lie_on_free_ground_of_turned_and_coarse_maps(tmp_path, yaw, resolution):
+    draw(tmp_path, resolution=resolution, yaw=yaw)
+    chart = map_server.read_map(tmp_path / "hall.yaml")
+    c, s = math.cos(yaw), math.sin(yaw)
+    for seed in range(6):
+        document = Maps("hall", str(tmp_path)).sample(seed)
+        places = np.array(list(everything(document))) - (-2.0, 1.0)
+        cells = (places @ np.array([[c, -s], [s, c]]) / resolution).astype(int)
+        assert chart.free[cells[:, 1], cells[:, 0]].all()
+
+
+def test_a_large_map_has_tasks(tmp_path):
+    """Its millions of cells of 0.1 m are more than obstacles may have points."""
+    draw(tmp_path, "large", 120.0, 100.0, resolution=0.5)
+    document = Maps("large", str(tmp_path)).sample(0)
+    places = np.array(list(everything(document))) - (-2.0, 1.0)
+    assert (places > 0.0).all() and (places < (120.0, 100.0)).all()

@@ -10,12 +10,12 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from qpavoid.lab.simulation.config import changed
+from qpavoid.lab.scenario.config import changed
+from qpavoid.lab.scenario.methods import solver_of
+from qpavoid.lab.scenario.scenario import Scenario, make_scenario
 from qpavoid.lab.simulation.log import Log
-from qpavoid.lab.simulation.methods import solver_of
 from qpavoid.lab.simulation.outcome import finite, outcome_of, verdict, worst_of
 from qpavoid.lab.simulation.run import run_fleet
-from qpavoid.lab.simulation.scenario import Scenario, make_scenario
 from qpavoid.lab.worlds.source import Source
 
 Value: TypeAlias = str | float | bool | None

@@ -6,19 +6,19 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union
 
-from pydantic import Discriminator, Field, Tag, create_model
+from pydantic import Discriminator, Field, Tag
 
 from qpavoid.errors import ConfigError
 from qpavoid.files import below
-from qpavoid.lab.load import load_object
-from qpavoid.lab.simulation.config import (
+from qpavoid.lab.scenario.config import (
     changed,
     config_folder,
     find_config,
     read_document,
 )
-from qpavoid.lab.simulation.scenario import make_scenario
-from qpavoid.lab.simulation.tables import Natural, Place, Strict, keys_of, read
+from qpavoid.lab.scenario.keys import Natural, Place, Strict, read, tagged
+from qpavoid.lab.scenario.plug_ins import load_object
+from qpavoid.lab.scenario.scenario import make_scenario
 from qpavoid.lab.worlds.barn import BarnWorlds
 from qpavoid.lab.worlds.crowd import Crowd
 from qpavoid.lab.worlds.dynabarn import DynaBarn
@@ -66,16 +66,6 @@ SOURCES: dict[str, type[Any]] = {
 """Sources by the kind of their item, whose keys are their settings."""
 
 
-def item_of(kind: str) -> type[Seeded]:
-    """Return the strict item of a source."""
-    source = SOURCES[kind]
-    only: Any = Literal
-    kinds: Any = Annotated[only[kind], Field(description="Kind of source.")]
-    keys: dict[str, Any] = {"kind": (kinds, ...), **keys_of(source)}
-    name, what = f"{source.__name__}Item", source.__doc__
-    return create_model(name, __base__=Seeded, __doc__=what, **keys)
-
-
 class SensedItem(Seeded):
     """Forests or strangers as a LiDAR sees them; the seeds draw scene and noise.
 
@@ -106,7 +96,8 @@ class OwnItem(Seeded):
     options: dict[str, str | bool | int | float] = Field(default_factory=dict)
 
 
-AnyItem: Any = Union[(*map(item_of, SOURCES), SensedItem, OwnItem)]
+DRAWN = [tagged(kind, source, Seeded) for kind, source in SOURCES.items()]
+AnyItem: Any = Union[(*DRAWN, SensedItem, OwnItem)]
 
 GeneratorItem: Any = Annotated[AnyItem, Field(discriminator="kind")]
 
@@ -127,14 +118,10 @@ class SceneItems(Strict):
     generators: list[GeneratorItem] = Field(default_factory=list)
 
 
-def document_of(source: Source) -> dict[str, Any]:
-    """Return what a scenario file says; of other sources nothing, they draw scenes."""
-    return source.sample() if isinstance(source, ScenarioFile) else {}
-
-
-def controllers_in(document: Mapping[str, Any]) -> list[str]:
+def controllers_in(source: Source) -> list[str]:
     """Return the methods that a scenario file gives to robots of its own."""
-    robots = document.get("robots", [])
+    known = isinstance(source, ScenarioFile)
+    robots = source.sample().get("robots", []) if known else []
     return [robot["controller"] for robot in robots if "controller" in robot]
 
 
@@ -172,11 +159,7 @@ def _generator(item: Any, path: Path, data: str | None) -> Source:
         forest = item.scene == "forest"
         known = Forest(item.family) if forest else scenario_file("demo/strangers")
         return Sensed(known, item.perception)
-    source = SOURCES[item.kind]
-    given: dict[str, Any] = (
-        {"data": data} if "data" in source.__dataclass_fields__ else {}
-    )
-    made: Source = read(source, item, **given)
+    made: Source = read(item.describes, item, data=data)
     if isinstance(made, Maps):
         below(Path(made.path), path.parent, *data_roots(data))
     return made

@@ -14,31 +14,28 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from qpavoid.errors import ConfigError, UnknownNameError
-from qpavoid.lab.load import search_too
-from qpavoid.lab.simulation.config import (
+from qpavoid.errors import ConfigError
+from qpavoid.lab.scenario.config import (
     find_config,
     read_document,
     validated,
 )
-from qpavoid.lab.simulation.methods import (
+from qpavoid.lab.scenario.keys import Strict
+from qpavoid.lab.scenario.methods import (
     REGISTRY,
-    check_methods,
     own_file,
     parsed,
-    solver_of,
+    with_back_end,
 )
-from qpavoid.lab.simulation.tables import Strict
+from qpavoid.lab.scenario.plug_ins import search_too
 from qpavoid.lab.study.sweep.job import Job
 from qpavoid.lab.study.sweep.sources import (
     SceneItems,
     check_scene,
     controllers_in,
-    document_of,
     make_sources,
 )
 from qpavoid.lab.worlds.source import Source
-from qpavoid.qp.solve import find_back_end
 from qpavoid.stamps import PACKAGE, file_stamp, source_stamp
 
 Values = Annotated[list[Any], Field(min_length=1)]
@@ -115,7 +112,7 @@ class Study:
             # run is then done again exactly if something of that has changed.
             code = getattr(sys.modules[type(source).__module__], "__file__", "")
             place = source.identity(self.data) + code_stamp() + source_stamp(Path(code))
-            place += "".join(map(own_stamp, controllers_in(document_of(source))))
+            place += "".join(map(own_stamp, controllers_in(source)))
             for seed, changes in product(seeds, self.variations):
                 for controller, own, label, solver in variants:
                     known = place + stamps[controller]
@@ -131,7 +128,7 @@ class Study:
         own = self.variants.get(name)
         if own is None:
             return name, {}
-        return find_controller(own.controller)[0], own.settings
+        return with_back_end(own.controller)[0], own.settings
 
 
 def own_stamp(controller: str) -> str:
@@ -187,11 +184,11 @@ def read_study(
     sources = make_sources(model, path, folder)
     solvers = {}
     for name, variant in model.variants.items():
-        _, solvers[name] = find_controller(variant.controller)
+        _, solvers[name] = with_back_end(variant.controller)
         if parsed(name).controller in REGISTRY or ":" in name:
             raise ConfigError([f"{path}: variants.{name}: a name of its own is needed"])
     found = [
-        (name, solvers[name]) if name in solvers else find_controller(name)
+        (name, solvers[name]) if name in solvers else with_back_end(name)
         for name in dict.fromkeys(model.controllers)
     ]
     own = [{}, *(variant.settings for variant in model.variants.values())]
@@ -207,19 +204,3 @@ def read_study(
         folder,
         model.variants,
     )
-
-
-def find_controller(name: str) -> tuple[str, str]:
-    """Return controller and back end of ``qp``, ``qp:casadi:daqp``, ``module:Name``."""
-    controller, _, solver = name.partition(":")
-    try:
-        check_methods([controller])
-    except UnknownNameError:
-        if not solver:
-            raise
-        check_methods([name])
-        return name, "exact"
-    if solver and solver_of(controller, solver) != solver:
-        raise ConfigError([f"{name}: {controller} has no QP, so no back end"])
-    find_back_end(solver or "exact")
-    return controller, solver or "exact"

@@ -3,16 +3,18 @@
 import math
 from collections.abc import Callable
 from time import perf_counter
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import BLOCKED, Decision
 from qpavoid.guide.guide import PathTracking
-from qpavoid.guide.stage import GuideStage, Tracking
+from qpavoid.guide.stage import GuideStage
 from qpavoid.guide.state import Progress
 from qpavoid.lab.planning.planner import Planner, PlanningProblem, standing
-from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
+from qpavoid.lab.scenario.methods import find_method, make_controller
+from qpavoid.lab.scenario.scenario import AT_LAST, Scenario
+from qpavoid.lab.sensing.lidar import Sensor, scanner
 from qpavoid.lab.sensing.localisation import Locate
 from qpavoid.lab.sensing.physics import Physics
 from qpavoid.lab.sensing.plant import Drive
@@ -23,23 +25,15 @@ from qpavoid.lab.simulation.clearance import (
     room_on_the_way,
 )
 from qpavoid.lab.simulation.log import LogRow
-from qpavoid.lab.simulation.methods import find_method, make_controller
 from qpavoid.lab.simulation.outcome import differs
-from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.model.capsules import PIVOT_X, V_X, V_Y, X1, X2, Y1, greatest_speed, like
 from qpavoid.model.contacts import contact_at, contact_table, empty_contacts
 from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
 from qpavoid.model.kinematics import integrate
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import GREATEST, Robot, limit_twist, limits_of
-from qpavoid.perception.perception import Perception
-from qpavoid.perception.settings import PerceptionSettings
-from qpavoid.qp.solve import find_back_end
+from qpavoid.model.robot import GREATEST, limit_twist, limits_of
 from qpavoid.tracking.kanayama import tracking_error
 from qpavoid.types import Array, Pose, Twist
-
-Sensor: TypeAlias = Callable[[float, Obstacles, Pose], Obstacles]
-"""From time, obstacles (world frame) and the true pose to obstacles, robot frame."""
 
 
 def make_sensor(scenario: Scenario) -> Sensor:
@@ -72,29 +66,6 @@ def make_plant(scenario: Scenario) -> Callable[[float, float, float], Drive]:
     return scenario.plant.start()
 
 
-def scanner(
-    robot: Robot,
-    settings: LidarSettings,
-    bodies: PerceptionSettings | None = None,
-) -> Sensor:
-    """Return a LiDAR on a robot: points, or what perception makes of its scans."""
-    lidar = Lidar(settings)
-    perception = Perception(robot, settings.geometry, bodies)
-    taken = math.nan
-
-    def see(time: float, obstacles: Obstacles, pose: Pose) -> Obstacles:
-        nonlocal taken
-        points = lidar.scan(pose, time, obstacles)
-        if not settings.perception:
-            return Obstacles(points)
-        if lidar.taken != taken:
-            taken = lidar.taken
-            perception.update(lidar.last, taken, lidar.pose)
-        return perception.obstacles(time, pose)
-
-    return see
-
-
 def _estimator(settings: EstimatorSettings) -> Sensor:
     """Return a Kalman filter of the velocities of discs; all else is known exactly."""
     estimator = VelocityEstimator(settings)
@@ -110,10 +81,6 @@ def _estimator(settings: EstimatorSettings) -> Sensor:
 
     return see
 
-
-Round: TypeAlias = Callable[[Obstacles, Tracking], tuple[Twist, bool]]
-"""From obstacles, robot frame, and what tracking does to the twist that leads round
-what is in the way, and whether there is none."""
 
 CALM = 0.5
 """m/s²; how a planned path gains and loses speed at most, if no reference says it."""
@@ -145,20 +112,6 @@ def make_planner(
     )
     chart = Obstacles(scenario.world.points, walls=scenario.world.walls)
     return Planner(search, problem, scenario.planner, chart)
-
-
-def make_guide(scenario: Scenario) -> Round:
-    """Return the guide of a run; without one the desired twist is handed on."""
-    if scenario.guide is None:
-        return lambda _, tracking: (tracking.desired, False)
-    robot, law = scenario.robot, scenario.tracker.array
-    stage = GuideStage(robot, scenario.guide, scenario.settings, law).start()
-
-    def round_(seen: Obstacles, tracking: Tracking) -> tuple[Twist, bool]:
-        progress, v, omega = stage(seen, tracking)
-        return (v, omega), progress is Progress.BLOCKED
-
-    return round_
 
 
 DENSE, EXTRA = 200, 0.1
@@ -232,7 +185,6 @@ class Simulation:
     def __init__(
         self, scenario: Scenario, controller: Any, solver: str = "exact"
     ) -> None:
-        find_back_end(solver)
         found = find_method(controller)
         scenario = found.adapt(scenario)
         robot, settings = scenario.robot, scenario.settings
@@ -250,7 +202,9 @@ class Simulation:
         tracker, waiting, guide = scenario.tracker, scenario.waiting, scenario.guide
         self._path = PathTracking(tracker, waiting, scenario.dt, guide)
         self._path.follow(plan)
-        self._round, self._step = make_guide(scenario), method.start()
+        self._stage, self._step = None, method.start()
+        if guide is not None:
+            self._stage = GuideStage(robot, guide, settings, tracker.array).start()
         self._see, self._locate = make_sensor(scenario), make_localisation(scenario)
         self._drive, self._believed = make_plant(scenario), scenario.start
 
@@ -283,6 +237,10 @@ class Simulation:
         self._believed = self._locate(self.pose, time + dt, wheels, dt)
         return row
 
+    def error(self, pose: Pose) -> Pose:
+        """Return the goal seen from a pose, m and rad."""
+        return tracking_error(pose, self.goal)
+
     def _guide(self, time: float, seen: Obstacles) -> tuple[Twist, bool, float]:
         """Return the twist to desire among what is seen, and whether there is none.
 
@@ -296,7 +254,10 @@ class Simulation:
         wanted = perf_counter()
         tracked = self._path.step(self._believed, self.driven)
         resumed = perf_counter()
-        twist, blocked = self._round(seen, tracked)
+        twist, blocked = tracked.desired, False
+        if self._stage is not None:
+            progress, v, omega = self._stage(seen, tracked)
+            twist, blocked = (v, omega), progress is Progress.BLOCKED
         return twist, blocked, wanted - started + perf_counter() - resumed
 
     def _context(self) -> StepContext:
@@ -305,7 +266,7 @@ class Simulation:
             believed,
             tracking_error(believed, target[:3]),
             target[3:],
-            tracking_error(believed, self.goal),
+            self.error(believed),
             self.driven,
         )
 

@@ -8,8 +8,9 @@ import pytest
 
 from minimal import MINIMAL, problems, write
 from qpavoid.errors import ConfigError, DataError, UnknownNameError
-from qpavoid.lab.simulation.config import builtin_configs, find_config
-from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.scenario.config import builtin_configs, find_config
+from qpavoid.lab.scenario.scenario import load_scenario
+from qpavoid.lab.scenario.world import ABSENT, Track
 
 
 def test_shipped_scenarios_are_listed_and_valid(data_folder):
@@ -188,3 +189,12 @@ def test_damaged_barn_files(data_folder, tmp_path):
     np.save(path, np.zeros((4, 3)))
     with pytest.raises(DataError, match=r"\(n, 2\) cells"):
         load_scenario("barn/world_0", tmp_path)
+
+
+def test_who_is_away_is_far_from_everybody_wherever_that_is():
+    for place in (0.0, 4_900.0, 1e4, -6e5, 5e6):
+        places = np.array([[place, 0.0], [place + 1.0, 0.0]])
+        track = Track(np.array([1.0, 2.0]), places, 0.2, fleeting=True)
+        position, _ = track.at(3.0)
+        assert np.abs(position - places).max(axis=1).min() >= 0.5 * ABSENT
+    assert track.at(1.5)[0] == pytest.approx([5e6 + 0.5, 0.0])

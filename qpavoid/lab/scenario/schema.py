@@ -8,11 +8,7 @@ from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.planning.planner import PlannerSettings
-from qpavoid.lab.sensing.lidar import LidarSettings
-from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
-from qpavoid.lab.sensing.physics import Patch, Physics
-from qpavoid.lab.sensing.plant import Plant
-from qpavoid.lab.simulation.tables import (
+from qpavoid.lab.scenario.keys import (
     Finite,
     Natural,
     NotNegative,
@@ -23,8 +19,13 @@ from qpavoid.lab.simulation.tables import (
     absent,
     keyed,
     ordered,
+    tagged,
     with_tables,
 )
+from qpavoid.lab.sensing.lidar import LidarSettings
+from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
+from qpavoid.lab.sensing.physics import Patch, Physics
+from qpavoid.lab.sensing.plant import Plant
 from qpavoid.model.estimate import EstimatorSettings
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits
@@ -38,11 +39,18 @@ MOST_OBSTACLES = 10_000
 """In a scenario, but for points and the walls of maps."""
 
 
-class DiscModel(Strict):
+class OfKind(Strict):
+    """A table of a kind.
+
+    Attributes:
+        kind: Kind of table.
+    """
+
+
+class DiscModel(OfKind):
     """A disc at rest or with a constant velocity; radius 0 is a point.
 
     Attributes:
-        kind: A disc.
         position_m: Centre at the start.
         radius_m: Of the disc.
         velocity_mps: Constant.
@@ -54,13 +62,12 @@ class DiscModel(Strict):
     velocity_mps: Point = (0.0, 0.0)
 
 
-class WaypointsModel(Strict):
+class WaypointsModel(OfKind):
     """A disc that moves along straight lines, and stands before and after.
 
     Or, fleeting, is not there before and after.
 
     Attributes:
-        kind: A disc under way.
         times_s: When it is at each position; they increase.
         positions_m: Where.
         radius_m: Of the disc.
@@ -74,11 +81,10 @@ class WaypointsModel(Strict):
     fleeting: bool = False
 
 
-class WallModel(Strict):
+class WallModel(OfKind):
     """A straight wall.
 
     Attributes:
-        kind: A wall.
         start_m: One end.
         end_m: The other.
     """
@@ -88,14 +94,13 @@ class WallModel(Strict):
     end_m: Point
 
 
-class PolygonModel(Strict):
+class PolygonModel(OfKind):
     """A convex polygon, counter-clockwise, at rest or moving and turning steadily.
 
     The velocity is that of the centroid of its area, about which it turns. Or it is
     pushed about without turning, along straight lines between way-points.
 
     Attributes:
-        kind: A convex polygon.
         vertices_m: Corners at the start, counter-clockwise.
         velocity_mps: Of its centroid.
         turn_rate_radps: Counter-clockwise.
@@ -127,11 +132,10 @@ class PolygonModel(Strict):
         return self
 
 
-class PointsModel(Strict):
+class PointsModel(OfKind):
     """Points at rest from a CSV or NPY file beside the scenario file.
 
     Attributes:
-        kind: Points.
         file: CSV with columns x, y, or NPY (N, 2), in m.
     """
 
@@ -139,11 +143,10 @@ class PointsModel(Strict):
     file: str
 
 
-class RandomModel(Strict):
+class RandomModel(OfKind):
     """Discs drawn from the scenario's seed, uniformly in a box.
 
     Attributes:
-        kind: Discs at random.
         count: How many.
         low_m: Lower left corner of the box of centres.
         high_m: Upper right corner.
@@ -167,11 +170,10 @@ class RandomModel(Strict):
         return self
 
 
-class BarnModel(Strict):
+class BarnModel(OfKind):
     """All cylinders of a BARN world.
 
     Attributes:
-        kind: A BARN world.
         world: Its number.
     """
 
@@ -179,11 +181,10 @@ class BarnModel(Strict):
     world: Natural
 
 
-class MapModel(Strict):
+class MapModel(OfKind):
     """All walls of a map_server map, beside the scenario file or in the data folder.
 
     Attributes:
-        kind: An occupancy map.
         file: The map's YAML.
     """
 
@@ -246,11 +247,10 @@ class RobotModel(Strict):
 
 
 @keyed(CubicPath)
-class CubicModel(Strict):
+class CubicModel(OfKind):
     """The paper's path, Eq. 2 and 3.
 
     Attributes:
-        kind: The paper's path.
         start: First pose.
         goal: Last pose.
     """
@@ -260,11 +260,10 @@ class CubicModel(Strict):
     goal: PoseModel
 
 
-class StationModel(Strict):
+class StationModel(OfKind):
     """Standing at a pose.
 
     Attributes:
-        kind: A pose to keep.
         pose: Where to stand.
     """
 
@@ -273,7 +272,7 @@ class StationModel(Strict):
 
 
 @keyed(SplinePath)
-class SmoothModel(Strict):
+class SmoothModel(OfKind):
     """How a smooth path near a polyline is driven."""
 
 
@@ -281,7 +280,6 @@ class SplineModel(SmoothModel):
     """A smooth path near way-points.
 
     Attributes:
-        kind: A smooth path through way-points.
         points_m: Way-points, at least two.
     """
 
@@ -293,7 +291,6 @@ class BarnPathModel(SmoothModel):
     """The published reference path of a BARN world.
 
     Attributes:
-        kind: A published path.
         world: Number of the BARN world.
     """
 
@@ -307,7 +304,7 @@ ReferenceModel = Annotated[
 ]
 
 
-class MemberModel(Strict):
+class MemberModel(OfKind):
     """Settings of one of several robots; all others are those at the top.
 
     Attributes:
@@ -327,7 +324,6 @@ class OneModel(MemberModel):
     """A robot with a start or a reference of its own.
 
     Attributes:
-        kind: A single robot.
         start: Its first pose, instead of that of its reference.
         reference: Its reference, instead of [reference].
     """
@@ -342,7 +338,6 @@ class CircleModel(MemberModel):
     """Robots evenly on a circle, each on its straight way to the place across.
 
     Attributes:
-        kind: Robots on a circle.
         count: How many.
         radius_m: Of the circle about the origin.
     """
@@ -357,7 +352,6 @@ class ScatteredModel(MemberModel):
     """Robots on straight ways between places of a box, drawn from the seed.
 
     Attributes:
-        kind: Robots at random.
         count: How many.
         low_m: Lower left corner of the box.
         high_m: Upper right corner.
@@ -401,58 +395,29 @@ class FilterModel(Strict):
     """The QP filter."""
 
 
-@keyed(MotionCapture)
-class MotionCaptureModel(Strict):
-    """The pose is measured to less than a millimetre.
-
-    Attributes:
-        kind: Cameras in the room.
-    """
-
-    kind: Literal["motion_capture"]
-
-
-@keyed(Uwb)
-class UwbModel(Strict):
-    """Positions by radio, fused with odometry by an EKF.
-
-    Attributes:
-        kind: Ultra-wideband radio.
-    """
-
-    kind: Literal["uwb"]
-
-
-LocalisationModel = MotionCaptureModel | UwbModel
+LocalisationModel: Any = Annotated[
+    tagged("motion_capture", MotionCapture, Strict) | tagged("uwb", Uwb, Strict),
+    Field(discriminator="kind"),
+]
 
 
 @keyed(Plant)
-class SlipModel(Strict):
-    """Wheels that slip at random, and lag.
-
-    Attributes:
-        kind: A unicycle whose wheels slip.
-    """
+class SlipModel(OfKind):
+    """Wheels that slip at random, and lag."""
 
     kind: Literal["slip"] = "slip"
 
 
-@keyed(Patch)
-class PatchModel(Strict):
-    """A rectangle of another friction."""
-
-
 @keyed(Physics)
-class PhysicsModel(Strict):
+class PhysicsModel(OfKind):
     """Rigid bodies in MuJoCo.
 
     Attributes:
-        kind: Rigid bodies, qpavoid[mujoco].
         patches: Ground of another friction.
     """
 
     kind: Literal["mujoco"]
-    patches: list[PatchModel] = Field(default_factory=list)
+    patches: list[Table[Patch]] = Field(default_factory=list)
 
 
 def _plant_kind(told: Any) -> str:
@@ -523,9 +488,7 @@ class ScenarioModel(Strict):
     sight_m: Annotated[float, Field(gt=0)] = float("inf")
     lidar: Table[LidarSettings] | None = None
     perception: Table[PerceptionSettings] = absent(PerceptionSettings)
-    localisation: Annotated[LocalisationModel, Field(discriminator="kind")] | None = (
-        None
-    )
+    localisation: LocalisationModel | None = None
     plant: PlantModel | None = None
     obstacles: list[ObstacleModel] = Field(default_factory=list)
 

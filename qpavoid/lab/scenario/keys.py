@@ -7,11 +7,20 @@ Keys, ranges and defaults are those that the settings' dataclass declares; see
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, is_dataclass, replace
 from functools import partial
 from inspect import cleandoc
 from types import NoneType, UnionType
-from typing import Annotated, Any, TypeAlias, TypeVar, Union, get_args, get_origin
+from typing import (
+    Annotated,
+    Any,
+    ClassVar,
+    Literal,
+    TypeAlias,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+)
 
 from pydantic import (
     BaseModel,
@@ -82,6 +91,7 @@ class Strict(BaseModel):
     """No unknown keys, no guessing of types, no change afterwards."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    describes: ClassVar[type[Any]]
 
     @classmethod
     def __get_pydantic_json_schema__(
@@ -103,30 +113,33 @@ T = TypeVar("T")
 M = TypeVar("M", bound=Strict)
 
 
-def keys_of(kind: type, prefix: str = "", like: Any = None) -> dict[str, Any]:
+def keys_of(kind: type, prefix: str = "") -> dict[str, Any]:
     """Return annotation and default of every key, as ``create_model`` takes them.
 
     Args:
         kind: The settings.
         prefix: What all keys begin with.
-        like: Settings whose values are the defaults, instead of those declared.
     """
     found: dict[str, Any] = {}
     said = attributes_of(kind)
     for setting in declared(kind):
-        default = setting.default if like is None else getattr(like, setting.name)
         required = (...,) * len(setting.keys)
-        defaults = required if default is ... else setting.of(default)
+        known = setting.default is not ...
+        defaults = setting.of(setting.default) if known else required
+        told: Any = setting.kind
+        if setting.range is not None:
+            told = Annotated[setting.kind, Field(**setting.range._asdict())]
+        described = Annotated[told, Field(description=said.get(setting.name))]
         for key, value in zip(setting.keys, defaults, strict=False):
-            told: Any = setting.kind
-            if is_dataclass(told):
-                told = Annotated[Callable[[], setting.kind], Made(value)]
-                value = absent(partial(replace, value))
-            elif setting.range is not None:
-                told = Annotated[setting.kind, Field(**setting.range._asdict())]
-            described = Field(description=said.get(setting.name))
-            found[prefix + key] = Annotated[told, described], value
+            found[prefix + key] = described, value
     return found
+
+
+def model_of(settings: type, base: type[M], **keys: Any) -> type[M]:
+    """Return the model of a table of settings, with other keys before theirs."""
+    keys |= keys_of(settings)
+    name = f"{settings.__name__}Table"
+    return create_model(name, __base__=base, __doc__=settings.__doc__, **keys)
 
 
 def absent(maker: "Maker[T]") -> Any:
@@ -162,6 +175,15 @@ def keyed(
     return extend
 
 
+def tagged(kind: str, settings: type, base: type[M]) -> type[M]:
+    """Return the model of a table that is settings with a ``kind``."""
+    only: Any = Literal
+    told: Any = Annotated[only[kind], Field(description="Kind of table.")]
+    made = model_of(settings, base, kind=(told, ...))
+    made.describes = settings
+    return made
+
+
 def with_tables(tables: Mapping[str, type]) -> Callable[[type[M]], type[M]]:
     """Return a decorator that adds a table of each of these settings to a model."""
 
@@ -183,38 +205,32 @@ def values(kind: type, table: Strict, prefix: str = "") -> dict[str, Any]:
     for setting in declared(kind):
         told = tuple(getattr(table, prefix + key) for key in setting.keys)
         if told and told[0] is not None:
-            single = told[0]() if is_dataclass(setting.kind) else told[0]
-            found[setting.name] = told if setting.many else single
+            found[setting.name] = told if setting.many else told[0]
     return found
 
 
 def read(kind: type[T], table: Strict, prefix: str = "", **given: Any) -> T:
-    """Return the settings that a table describes; what is no key of it is given.
+    """Return the settings that a table describes.
+
+    Args:
+        kind: The settings.
+        table: Their keys.
+        prefix: What all keys begin with.
+        given: Fields without a key; those that the settings lack are left out.
 
     Raises:
         InvalidInputError: They do not fit together.
     """
-    return kind(**values(kind, table, prefix), **given)
+    known: Any = kind
+    fields = {k: x for k, x in given.items() if k in known.__dataclass_fields__}
+    return kind(**values(kind, table, prefix), **fields)
 
 
-@dataclass(frozen=True)
 class Made:
     """Of a key: its value makes the settings of its table.
 
     They are made with all other parts, so that all that is wrong is said at once.
-
-    Attributes:
-        like: As :func:`keys_of` takes it.
     """
-
-    like: Any = None
-
-    def model(self, kind: Any) -> type[Strict]:
-        """Return the strict model of a table that is nothing but some settings."""
-        keys = keys_of(kind, like=self.like)
-        return create_model(
-            kind.__name__, __base__=Strict, __doc__=kind.__doc__, **keys
-        )
 
     def __get_pydantic_core_schema__(
         self, maker: Any, handler: GetCoreSchemaHandler
@@ -222,7 +238,7 @@ class Made:
         """Return the schema of the table's model, and of what makes the settings."""
         kind = get_args(maker)[1]
         make = partial(partial, read, kind)
-        schema = handler.generate_schema(self.model(kind))
+        schema = handler.generate_schema(model_of(kind, Strict))
         return no_info_after_validator_function(make, schema)
 
 
@@ -235,8 +251,10 @@ def branches(annotation: Any) -> list[Any]:
     """Return what a value may be: the members of a union; of a table its model."""
     origin, parts = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
-        made = [part for part in parts if isinstance(part, Made)]
-        return [made[0].model(get_args(parts[0])[1])] if made else branches(parts[0])
+        made = any(isinstance(part, Made) for part in parts)
+        if made:
+            return [model_of(get_args(parts[0])[1], Strict)]
+        return branches(parts[0])
     if origin in (Union, UnionType):
         return [one for p in parts if p is not NoneType for one in branches(p)]
     return [annotation]

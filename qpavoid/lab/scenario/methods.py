@@ -5,13 +5,11 @@
 asks for. A method of a user is ``module:Name``.
 """
 
-import math
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from functools import lru_cache, partial
 from importlib import import_module
 from importlib.util import find_spec
-from inspect import signature
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -19,23 +17,21 @@ from qpavoid.avoidance.controllers import (
     Controller,
     FilterController,
     RepulsionController,
-    Step,
-    StepContext,
 )
-from qpavoid.avoidance.decision import Decision
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.errors import InvalidInputError, UnknownNameError
+from qpavoid.errors import ConfigError, InvalidInputError, UnknownNameError
 from qpavoid.guide.settings import GuideSettings
-from qpavoid.lab.baselines.drive import Command, stepping
-from qpavoid.lab.load import load_object, source_of
+from qpavoid.lab.baselines.own import own_controller
 from qpavoid.lab.planning.grid import SEARCHES
-from qpavoid.lab.simulation.log import CLOSED_FORM, ITS_OWN
-from qpavoid.lab.simulation.scenario import Scenario
-from qpavoid.model.obstacles import Obstacles
+from qpavoid.lab.scenario.plug_ins import load_object, source_of
+from qpavoid.lab.scenario.scenario import Scenario
 from qpavoid.model.robot import Robot
-from qpavoid.types import Twist
+from qpavoid.qp.solve import find_back_end
 
 Factory: TypeAlias = Callable[..., Controller]
+
+NO_BACK_END = CLOSED_FORM, ITS_OWN = "closed form", "its own"
+"""Solver in tables of Eq. 5 and Eq. 7, and of a baseline."""
 
 
 class Entry(NamedTuple):
@@ -93,10 +89,7 @@ REGISTRY: dict[str, Entry] = {
         "stop and wait: slows down, stops, goes on when free", "stopping:StopController"
     ),
     "apf": Entry("artificial potential field", "apf:PotentialController"),
-    "vfh": Entry(
-        "vector field histogram VFH+",
-        "vfh:HistogramController",
-    ),
+    "vfh": Entry("vector field histogram VFH+", "vfh:HistogramController"),
     "dwa": Entry("dynamic window", "dwa:WindowController"),
     "orca": Entry(
         "ORCA: reciprocal velocity obstacles",
@@ -114,10 +107,7 @@ REGISTRY: dict[str, Entry] = {
     "nmpc": Entry(
         "nonlinear model predictive control, by CasADi", "nmpc:NmpcController"
     ),
-    "mpc-cbf": Entry(
-        "MPC with discrete-time control barriers",
-        "nmpc:MpcCbfController",
-    ),
+    "mpc-cbf": Entry("MPC with discrete-time barriers", "nmpc:MpcCbfController"),
     "teb": Entry("timed elastic band, by CasADi", "teb:TebController"),
 }
 """Every method by name."""
@@ -152,11 +142,6 @@ class Method(NamedTuple):
         return replace(scenario, guide=GuideSettings())
 
 
-def place_of(name: str) -> str:
-    """Return where a method of one's own is, ``module:Name``; empty for all others."""
-    return name if ":" in name else ""
-
-
 @lru_cache
 def find_entry(name: str) -> Entry | None:
     """Return the entry of a name, the registry's first; none: there is none.
@@ -164,11 +149,10 @@ def find_entry(name: str) -> Entry | None:
     Raises:
         ConfigError: It is to be loaded and cannot be.
     """
-    place = place_of(name)
-    if not place:
+    if ":" not in name:
         return REGISTRY.get(name)
-    thing = load_object(place)
-    text = (getattr(thing, "__doc__", None) or place).strip().splitlines()[0]
+    thing = load_object(name)
+    text = (getattr(thing, "__doc__", None) or name).strip().splitlines()[0]
     return Entry(text, partial(own_controller, name, thing))
 
 
@@ -218,6 +202,39 @@ def solver_of(name: Any, solver: str) -> str:
     return ITS_OWN if entry is None else entry.solver or solver
 
 
+def with_back_end(name: str) -> tuple[str, str]:
+    """Return controller and back end of ``qp``, ``qp:casadi:daqp``, ``module:Name``.
+
+    Raises:
+        UnknownNameError: No such controller or back end.
+        ConfigError: The controller has no QP, or is one's own and cannot be loaded.
+    """
+    controller, _, solver = name.partition(":")
+    try:
+        find_method(controller)
+    except UnknownNameError:
+        if not solver:
+            raise
+        find_method(name)
+        return name, "exact"
+    if solver and solver_of(controller, solver) != solver:
+        raise ConfigError([f"{name}: {controller} has no QP, so no back end"])
+    find_back_end(solver or "exact")
+    return controller, solver or "exact"
+
+
+def labelled(run: Mapping[str, Any], label: str = "") -> str:
+    """Return the label of a run's method, with its back end unless default or none.
+
+    Args:
+        run: Row or metadata, with controller and solver.
+        label: Of the method; empty: its name.
+    """
+    plain = run.get("solver") in (None, "exact", *NO_BACK_END)
+    method = label or str(run["controller"])
+    return method if plain else f"{method} ({run['solver']})"
+
+
 def missing_extra(name: str) -> str:
     """Return the extra that a method of the package lacks here; empty: it has all."""
     entry = REGISTRY.get(name)
@@ -228,8 +245,8 @@ def missing_extra(name: str) -> str:
 @lru_cache
 def own_file(name: str) -> Path | None:
     """Return the source of a method of one's own; none for all others."""
-    place = place_of(find_method(name).controller)
-    return source_of(place) if place else None
+    place = find_method(name).controller
+    return source_of(place) if ":" in place else None
 
 
 def check_methods(names: Iterable[str]) -> None:
@@ -246,10 +263,11 @@ def make_controller(
     Raises:
         InvalidInputError: It is no name and nothing that could drive, or one with a
             planner or stage, which a run has and a controller has not.
-        UnknownNameError: None of that name; the message lists them.
+        UnknownNameError: None of that name, or no such back end; lists them.
         MissingExtraError: It needs a package that is not installed.
         ConfigError: One of one's own cannot be loaded.
     """
+    find_back_end(solver)
     if not isinstance(name, str):
         return own_controller(name_of(name), name, robot, settings)
     entry = find_entry(name)
@@ -268,94 +286,3 @@ def make_controller(
     # its own there, and is handed the back end.
     made: Controller = make(robot, settings, *([] if entry.solver else [solver]))
     return made
-
-
-METHOD = "v", "omega", "obstacles", "context"
-"""Arguments of its function."""
-
-
-def check_call(name: str, function: Any, told: tuple[str, ...]) -> None:
-    """Raise InvalidInputError unless a function can be called with so many things."""
-    try:
-        signature(function).bind(*told)
-    except TypeError as error:
-        wanted = ", ".join(told)
-        raise InvalidInputError(f"{name} is called with ({wanted}): {error}") from None
-    except ValueError:  # a built-in one does not say what it takes
-        return
-
-
-@dataclass(frozen=True)
-class OwnController:
-    """A method of one's own, driven like all others: cut to the limits, and timed.
-
-    Attributes:
-        name: What it is called.
-        method: A function (v, ω, obstacles, context) → (v, ω), everything in the robot
-            frame, m/s and rad/s; or what has ``start(v, omega)``, which returns such a
-            function for every run. It may return a :class:`Decision` instead.
-        robot: Footprint and limits.
-        settings: The control step.
-    """
-
-    name: str
-    method: Any
-    robot: Robot
-    settings: AvoidanceSettings
-
-    def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
-        """Return the step of a new run, of a robot that drives (v, ω) at present."""
-        own = self._function(v, omega)
-
-        def plan(desired: Twist, obstacles: Obstacles, context: StepContext) -> Command:
-            found = own(*desired, obstacles, context)
-            # Who returns a Decision, say of our filter called inside, keeps its status
-            # and slack in logs and tables; its twist is cut to the limits like all
-            # others.
-            if isinstance(found, Decision):
-                twist = found.v, found.omega
-                more = found.status, found.slack, found.shortfall, found.lateral
-                return Command(twist, *more)
-            return Command(self._twist(found))
-
-        return stepping(self.robot, self.settings.dt, (v, omega), plan)
-
-    def _function(self, v: float, omega: float) -> Callable[..., Any]:
-        """Return the function of a new run: the method, or what its start returns."""
-        if not hasattr(self.method, "start"):
-            function: Callable[..., Any] = self.method
-            return function
-        name = f"{self.name}.start"
-        check_call(name, self.method.start, ("v", "omega"))
-        function = self.method.start(v, omega)
-        check_call(f"what {name} returns", function, METHOD)
-        return function
-
-    def _twist(self, found: Any) -> Twist:
-        try:
-            v, omega = map(float, found)
-        except (TypeError, ValueError):
-            v = omega = math.nan
-        if not (math.isfinite(v) and math.isfinite(omega)):
-            raise InvalidInputError(
-                f"{self.name} returned {found!r}; a finite twist (v, omega) is wanted"
-            )
-        return v, omega
-
-
-def own_controller(
-    name: str, thing: Any, robot: Robot, settings: AvoidanceSettings
-) -> OwnController:
-    """Return a class (called with robot and settings), object or function as a method.
-
-    Raises:
-        InvalidInputError: It can neither be started nor called with what it is told.
-    """
-    if isinstance(thing, type):
-        check_call(name, thing, ("robot", "settings"))
-        thing = thing(robot, settings)
-    if not (callable(thing) or hasattr(thing, "start")):
-        raise InvalidInputError(f"{name}: {thing!r} has no start and cannot be called")
-    if not hasattr(thing, "start"):
-        check_call(name, thing, METHOD)
-    return OwnController(name, thing, robot, settings)

@@ -1,25 +1,34 @@
 """Keys of scenario files come from the settings: none lost, none out of reach."""
 
 import json
+import re
+import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
 from minimal import MINIMAL, write
+from places import ROOT
+from qpavoid.cli import main
 from qpavoid.errors import ConfigError
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.planning.planner import PlannerSettings
+from qpavoid.lab.scenario.config import builtin_configs, validated
+from qpavoid.lab.scenario.scenario import load_scenario
+from qpavoid.lab.scenario.schema import ScenarioModel
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
 from qpavoid.lab.sensing.plant import Plant
-from qpavoid.lab.simulation.config import validated
-from qpavoid.lab.simulation.scenario import load_scenario
-from qpavoid.lab.simulation.schema import ScenarioModel
 from qpavoid.lab.study.sweep.study import StudyModel
 from qpavoid.model.estimate import EstimatorSettings
 from qpavoid.perception.settings import PerceptionSettings
 from qpavoid.tracking.kanayama import Gains
 
+sys.path.append(str(ROOT / "docs"))
+from keys import key_tables
+
+MODELS = (ScenarioModel, StudyModel)
 KEYS = json.loads((Path(__file__).parent / "keys.json").read_text())
 """Every key with its default, kept by hand."""
 
@@ -117,3 +126,46 @@ def test_names_of_types_are_no_part_of_a_key(more, said):
     found = lines(StudyModel, STUDY | more)
     assert len(found) == len(said)
     assert all(line.startswith(text) for line, text in zip(found, said, strict=True))
+
+
+def test_every_key_has_an_effect():
+    for model in MODELS:
+        for table in key_tables(model):
+            assert table.what and table.keys
+            for key in table.keys:
+                assert key.effect and key.kind, (table.head, key.name)
+
+
+def test_the_reference_has_all_keys_of_the_models():
+    (top,) = (table for table in key_tables(ScenarioModel) if not table.name)
+    assert {key.name for key in top.keys} == set(ScenarioModel.model_fields)
+    found = {(t.name, k.name) for t in key_tables(ScenarioModel) for k in t.keys}
+    names = {name for name, _ in found}
+    for path in KEYS:
+        table, _, key = re.sub(r"\[.*?\]", "", path).rpartition(".")
+        if table in names:
+            assert (table, key) in found, path
+
+
+def printed(file, capsys):
+    assert main(["schema", file]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_the_json_schema_is_strict(capsys):
+    for model, file in zip(MODELS, ("scenario", "study"), strict=True):
+        found = printed(file, capsys)
+        assert found["title"] == f"qpavoid {file}"
+        assert not found["additionalProperties"]
+        assert set(found["properties"]) == set(model.model_fields)
+
+
+def test_shipped_scenarios_are_valid_by_the_json_schema(capsys):
+    jsonschema = pytest.importorskip("jsonschema")
+    check = jsonschema.Draft202012Validator(printed("scenario", capsys))
+    for name, path in builtin_configs().items():
+        document = tomllib.loads(path.read_text())
+        assert not [*check.iter_errors(document)], name
+    wrong = {"title": "x", "duration_s": -1.0, "filter": {"gamma": 2.0}}
+    said = "".join(error.message for error in check.iter_errors(wrong))
+    assert "gamma" in said and "-1" in said

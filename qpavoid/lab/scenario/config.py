@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from qpavoid.errors import ConfigError, DataError, UnknownNameError, did_you_mean
 from qpavoid.files import read_bytes, reading, shallow
-from qpavoid.lab.simulation.tables import branches
+from qpavoid.lab.scenario.keys import branches
 from qpavoid.stamps import PACKAGE
 
 M = TypeVar("M", bound=BaseModel)

@@ -9,10 +9,10 @@ import pytest
 import qpavoid as qp
 from qpavoid.avoidance.decision import STATUSES, Status
 from qpavoid.errors import ConfigError, InvalidInputError, UnknownNameError
-from qpavoid.lab.simulation import methods
-from qpavoid.lab.simulation.methods import find_entry, find_method, own_file
+from qpavoid.lab.scenario import methods
+from qpavoid.lab.scenario.methods import find_entry, own_file
+from qpavoid.lab.scenario.scenario import make_scenario
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import make_scenario
 
 MODULE = '''
 """Things of a user."""
@@ -118,12 +118,6 @@ def test_what_it_wants_is_cut_to_the_limits(tmp_path, mine):
     log, limits = run(scenario, f"{mine}:wild"), scenario.robot.limits
     assert (log["v_mps"] == limits.v_max).all()
     assert (log["omega_radps"] == limits.omega_min).all()
-
-
-def test_it_stands_behind_a_planner_and_before_the_guide(mine):
-    assert find_method(f"astar+{mine}:halved+guide") == methods.Method(
-        f"{mine}:halved", "astar", True
-    )
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -15,15 +15,14 @@ from qpavoid.errors import ConfigError, InvalidInputError
 from qpavoid.files import below
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.planning.planner import PlannerSettings
-from qpavoid.lab.sensing.lidar import LidarSettings
+from qpavoid.lab.scenario import schema
+from qpavoid.lab.scenario.config import find_config, read_document, validated
+from qpavoid.lab.scenario.keys import read, values
+from qpavoid.lab.scenario.world import Pushed, Track, World
+from qpavoid.lab.sensing.lidar import AnySensor, LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
-from qpavoid.lab.sensing.physics import Patch, Physics
+from qpavoid.lab.sensing.physics import Physics
 from qpavoid.lab.sensing.plant import Plant
-from qpavoid.lab.simulation import schema
-from qpavoid.lab.simulation.config import find_config, read_document, validated
-from qpavoid.lab.simulation.outcome import SETTLED
-from qpavoid.lab.simulation.tables import read, values
-from qpavoid.lab.simulation.world import Pushed, Track, World
 from qpavoid.lab.worlds.barn import START, find_folder, read_path, read_world
 from qpavoid.lab.worlds.map_server import find_map, read_map
 from qpavoid.lab.worlds.points import read_points
@@ -39,6 +38,9 @@ from qpavoid.tracking.kanayama import Gains, KanayamaTracker, Tracker
 from qpavoid.tracking.station import StationKeeping, StationTracker
 from qpavoid.types import Array, Pose
 
+Folder: TypeAlias = str | os.PathLike[str] | None
+"""Folder of published data sets; none: the environment's ``QPAVOID_DATA``."""
+
 MOST_STEPS, MOST_PLACES = 1_000_000, 30_000_000
 """Of a run: steps, and places of all its obstacles; its log has 300 MB and 700 MB."""
 
@@ -47,18 +49,6 @@ SEED_STRIDE, DRAWS = 1_000_003, 1
 
 AT_LAST: Array = np.array([1e9])
 """s; by then every path has come to its goal."""
-
-
-class Sensor(Protocol):
-    """A sensor that is given from Python."""
-
-    def start(self) -> Callable[[float, Obstacles, Pose], Obstacles]:
-        """Return the function of a new run.
-
-        From time (s), obstacles in the world frame and the robot's true pose to the
-        obstacles that are seen, robot frame.
-        """
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,13 +102,13 @@ class Scenario:
     lidar: LidarSettings | None = None
     perception: PerceptionSettings = field(default_factory=PerceptionSettings)
     localisation: MotionCapture | Uwb | None = None
-    sensor: Sensor | None = None
+    sensor: AnySensor | None = None
     plant: Plant | Physics | None = None
     guide: GuideSettings | None = None
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     seed: int = 0
     ends_at_goal: bool = False
-    settled: float = SETTLED
+    settled: float = 1.0
     arrival: tuple[float, float] = (0.1, 0.1)
     frames: tuple[float, ...] = ()
     digest: str = ""
@@ -136,9 +126,7 @@ class Scenario:
         return self.dt * np.arange(self.steps + 1, dtype=np.float64)
 
 
-def load_scenario(
-    config: str | os.PathLike[str], data: str | os.PathLike[str] | None = None
-) -> Scenario:
+def load_scenario(config: str | os.PathLike[str], data: Folder = None) -> Scenario:
     """Read a scenario from a file or by its shipped name.
 
     Args:
@@ -161,7 +149,7 @@ def make_scenario(
     document: dict[str, Any],
     name: str,
     path: Path,
-    data: str | os.PathLike[str] | None = None,
+    data: Folder = None,
     digest: str = "",
 ) -> Scenario:
     """Return the scenario that a document describes.
@@ -179,7 +167,7 @@ def make_scenario(
     """
     model = validated(schema.ScenarioModel, document, path)
     if not model.robots:
-        return _single(model, name, path, data, digest)
+        return replace(_single(model, path, data), name=name, digest=digest)
     robots: list[Scenario] = []
     problems: list[str] = []
     rng = np.random.default_rng((model.seed, DRAWS))
@@ -188,8 +176,7 @@ def make_scenario(
             for own in make_members(item, rng):
                 seed = {"seed": model.seed + SEED_STRIDE * len(robots), "robots": []}
                 told = validated(schema.ScenarioModel, document | own | seed, path)
-                world = robots[0].world if robots else None
-                one = _single(told, name, path, data, digest, world)
+                one = _single(told, path, data, robots[0].world if robots else None)
                 start = _jittered(one.start, item, rng)
                 controller = item.controller or ""
                 robots.append(replace(one, start=start, controller=controller))
@@ -199,6 +186,7 @@ def make_scenario(
             problems += [where + line.removeprefix(f"{path}: ") for line in lines]
     if problems:
         raise ConfigError(problems)
+    robots = [replace(one, name=name, digest=digest) for one in robots]
     return replace(robots[0], seed=model.seed, robots=tuple(robots))
 
 
@@ -210,40 +198,9 @@ def _jittered(start: Pose, item: schema.MemberModel, rng: np.random.Generator) -
 
 
 def _single(
-    model: schema.ScenarioModel,
-    name: str,
-    path: Path,
-    data: str | os.PathLike[str] | None,
-    digest: str,
-    world: World | None = None,
+    model: schema.ScenarioModel, path: Path, data: Folder, world: World | None = None
 ) -> Scenario:
-    """Return the scenario of one robot, in a world that there is already."""
-    parts = _parts(model, path, data, world)
-    return Scenario(
-        name=name,
-        title=model.title,
-        tracker=make_tracker(model.tracking, parts["robot"].limits),
-        start=_start(model, parts["path"]),
-        duration=model.duration_s,
-        dt=model.dt_s,
-        sight=model.sight_m,
-        seed=model.seed,
-        ends_at_goal=model.ends_at_goal,
-        settled=model.settled_s,
-        arrival=(model.arrival_m, model.arrival_rad),
-        frames=tuple(model.frames_s),
-        digest=digest,
-        **parts,
-    )
-
-
-def _parts(
-    model: schema.ScenarioModel,
-    path: Path,
-    data: str | os.PathLike[str] | None,
-    world: World | None,
-) -> dict[str, Any]:
-    """Return every part that can be wrong, by its field.
+    """Return the scenario of one robot, if given in a world that there is already.
 
     Raises:
         ConfigError: Lists every part that is wrong.
@@ -261,12 +218,10 @@ def _parts(
         "plant": ("plant", lambda: make_plant(model)),
         "waiting": ("tracking.wait_wide_m", lambda: make_waiting(model.tracking)),
         "path": ("reference", lambda: make_reference(model, data)),
-        "world": (
-            "obstacles",
-            lambda: world or make_world(model, path.parent, data),
-        ),
+        "world": ("obstacles", lambda: world or make_world(model, path.parent, data)),
     }
-    parts, problems = {}, []
+    parts: dict[str, Any] = {}
+    problems: list[str] = []
     for name, (key, make) in makers.items():
         try:
             parts[name] = make()
@@ -276,7 +231,21 @@ def _parts(
         problems.append(f"{path}: duration_s: {problem}")
     if problems:
         raise ConfigError(problems)
-    return parts
+    return Scenario(
+        name="",
+        title=model.title,
+        tracker=make_tracker(model.tracking, parts["robot"].limits),
+        start=_start(model, parts["path"]),
+        duration=model.duration_s,
+        dt=model.dt_s,
+        sight=model.sight_m,
+        seed=model.seed,
+        ends_at_goal=model.ends_at_goal,
+        settled=model.settled_s,
+        arrival=(model.arrival_m, model.arrival_rad),
+        frames=tuple(model.frames_s),
+        **parts,
+    )
 
 
 def _too_long(model: schema.ScenarioModel, world: World | None) -> str:
@@ -329,28 +298,21 @@ def make_tracker(model: schema.TrackingModel, limits: Limits) -> Tracker:
 def make_localisation(model: schema.ScenarioModel) -> MotionCapture | Uwb | None:
     """Return how the robot knows where it is, or none: exactly."""
     told = model.localisation
-    if told is None:
-        return None
-    if isinstance(told, schema.MotionCaptureModel):
-        return read(MotionCapture, told, seed=model.seed)
-    return read(Uwb, told, seed=model.seed, **track_of(model))
+    return told and read(told.describes, told, **drawn(model))
 
 
 def make_plant(model: schema.ScenarioModel) -> Plant | Physics | None:
     """Return what the wheels make of a twist, or none: just that."""
     told = model.plant
     if isinstance(told, schema.PhysicsModel):
-        ground: dict[str, Any] = {
-            "patches": tuple(read(Patch, one) for one in told.patches),
-        }
-        return read(Physics, told, **ground)
-    given = {"seed": model.seed, **track_of(model)}
-    return None if told is None else read(Plant, told, **given)
+        return read(Physics, told, patches=tuple(one() for one in told.patches))
+    return None if told is None else read(Plant, told, **drawn(model))
 
 
-def track_of(model: schema.ScenarioModel) -> dict[str, Any]:
-    """Return the robot's distance between its wheels by name, where it says one."""
-    return {k: v for k, v in values(Limits, model.robot).items() if k == "track"}
+def drawn(model: schema.ScenarioModel) -> dict[str, Any]:
+    """Return the seed, and the robot's distance between its wheels, if it says one."""
+    track = values(Limits, model.robot).get("track")
+    return {"seed": model.seed} | ({} if track is None else {"track": track})
 
 
 def make_waiting(model: schema.TrackingModel) -> Waiting:
@@ -368,9 +330,7 @@ def make_settings(model: schema.ScenarioModel) -> AvoidanceSettings:
     )
 
 
-def make_reference(
-    scenario: schema.ScenarioModel, data: str | os.PathLike[str] | None
-) -> motion.Path | None:
+def make_reference(scenario: schema.ScenarioModel, data: Folder) -> motion.Path | None:
     """Return the planned motion; none: each robot has its own."""
     model = scenario.reference
     if model is None:
@@ -436,9 +396,7 @@ def _scattered(
     raise InvalidInputError(f"no places for {item.count} robots were found")
 
 
-def make_world(
-    model: schema.ScenarioModel, folder: Path, data: str | os.PathLike[str] | None
-) -> World:
+def make_world(model: schema.ScenarioModel, folder: Path, data: Folder) -> World:
     """Return the obstacles; files lie in ``folder``, published data in ``data``.
 
     Raises:

@@ -21,10 +21,7 @@ def load_object(place: str) -> Any:
         found: Any = import_module(module)
     except QPAvoidError:
         raise
-    except (
-        Exception,
-        SystemExit,
-    ) as error:  # whatever is wrong in a module of the user's
+    except (Exception, SystemExit) as error:  # of a module of the user's: any
         what = type(error).__name__
         raise ConfigError([f"{place}: {what}: {error}"]) from error
     for part in name.split("."):

@@ -4,31 +4,19 @@ import pytest
 
 from minimal import MINIMAL, problems, write
 from qpavoid.avoidance.settings import AvoidanceSettings, Margins
-from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.model.robot import Limits, Robot
 
 
-@pytest.mark.parametrize(
-    ("addition", "message"),
-    [
-        ("dt_s = nan\n", "dt_s"),
-        ('dt_s = "0.1"\n', "dt_s"),
-        ("dt_s = true\n", "dt_s"),
-        ("seed = -1\n", "seed"),
-        ("seed = 1.5\n", "seed"),
-        ("dt_s = 1e-9\n", "a run has 2 to"),
-    ],
-)
-def test_bad_values_at_the_top(tmp_path, addition, message):
-    *others, line = problems(tmp_path, addition + MINIMAL)
-    assert message in line
-    assert len(others) == (addition == "dt_s = 1e-9\n")  # too long a horizon, too
+@pytest.mark.parametrize("addition", ["dt_s = nan\n", "dt_s = true\n", "seed = 1.5\n"])
+def test_bad_values_at_the_top(tmp_path, addition):
+    (line,) = problems(tmp_path, addition + MINIMAL)
+    assert addition.partition(" ")[0] in line
 
 
 @pytest.mark.parametrize(
     ("section", "message"),
     [
-        ("[robot]\nv_min_mps = 0.1\n", "robot.v_min_mps"),
         ('[robot]\npreset = "jakal"\n', "(got 'jakal'); did you mean 'jackal'?"),
         ("[robot]\nfootprint_m = [[0,0],[1,0]]\n", "robot: a footprint takes"),
         ("[robot]\nfootprint_m = []\n", "robot: a footprint takes"),
@@ -38,7 +26,6 @@ def test_bad_values_at_the_top(tmp_path, addition, message):
             "[radius]\nr_min_slow_m = 0.3\nr_min_fast_m = 0.2\n",
             "0 <= r_min_slow <= r_min_fast",
         ),
-        ('[repulsion]\nactivation = "abrupt"\n', "repulsion.activation"),
         ("[filter]\ngamma_per_s = 200.0\n", "gamma * dt"),
         ('[[obstacles]]\nkind = "dics"\n', "did you mean 'disc'"),
         ("[[obstacles]]\nradius_m = 1.0\n", "obstacles[0]: kind: field required"),
@@ -47,11 +34,9 @@ def test_bad_values_at_the_top(tmp_path, addition, message):
             "high_m = [0.0, 1.0]\n",
             "a low bound lies above",
         ),
-        ("[filter]\nbraking_room = 1\n", "filter.braking_room"),
         ("[robot]\nwheel_speed_mps = 1.0\n", "robot: limits need a track"),
         ("[margins]\nacceleration = 1.0\n", "did you mean 'acceleration_mps2'"),
         ("[ahead]\nhorizon_still_s = 9.0\n", "look-ahead needs 0 <= horizon_still"),
-        ("[ahead]\nreview_s = inf\n", "ahead.review_s"),
         (
             '[[obstacles]]\nkind="waypoints"\ntimes_s=[0.0,0.0]\n'
             "positions_m=[[0.0,0.0],[1.0,1.0]]\n",

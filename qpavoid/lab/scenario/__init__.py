@@ -1,0 +1,1 @@
+"""Scenario files: keys, schema, worlds and plug-ins."""
