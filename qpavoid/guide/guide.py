@@ -9,11 +9,11 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.decision import Decision, Status, blocked_if
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.inputs import Stamps, as_driven, caught, problem_of
+from qpavoid.avoidance.inputs import Stamps, as_driven, caught
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.errors import InvalidInputError, QPAvoidError
+from qpavoid.errors import InvalidInputError
 from qpavoid.guide.headway import AT_GOAL, Headway, lengths, moves_near, start_row
-from qpavoid.guide.rest import EXACT, JUMP, Rest, beyond_band, is_driven
+from qpavoid.guide.rest import EXACT, JUMP, Rest, beyond_band
 from qpavoid.guide.rollout import ROWS, TICK, fill_ahead
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.guide.sight import Sight
@@ -364,7 +364,7 @@ class Guide:
         driven: tuple[float, float] | None = None,
         age: float = 0.0,
         stamps: Stamps | None = None,
-        on_error: Literal["raise", "brake"] = "raise",
+        on_error: Literal["brake", "raise"] = "brake",
     ) -> Decision:
         """Return the twist for the coming control step.
 
@@ -389,44 +389,23 @@ class Guide:
             InvalidInputError: A number is not finite, or a shape does not fit.
             FaultError: Stamps or age are not valid, or scans are missing.
         """
-        driven, given = self._motors_driven(driven), (obstacles, scan, stamp)
-        if on_error == "brake":
-            found = caught(self._desire, pose, given, driven)
-            if isinstance(found, BaseException):
-                decision = self._safety.brake(problem_of(found), driven)
-            else:
-                told: dict[str, Any] = {"age": age, "stamps": stamps, "driven": driven}
-                decision = self._safety.step(*found, **told)
-        elif on_error == "raise":
-            known = caught(self._safety._watch.age, stamps, age)
-            if isinstance(known, QPAvoidError):
-                raise known
-            if isinstance(known, BaseException):
-                raise InvalidInputError(f"stamps must be Stamps: {known}")
-            v, omega, seen = self._desire(pose, given, driven)
-            decision = self._safety.filter(v, omega, seen, age=known, driven=driven)
+        found: tuple[float, float, Obstacles] | BaseException
+        given: tuple[Any, ...] = pose, (obstacles, scan, stamp), driven
+        told: dict[str, Any] = {"age": age, "stamps": stamps, "driven": driven}
+        if on_error == "raise":
+            found = self._desire(*given)
+        elif on_error == "brake":
+            found = caught(self._desire, *given)
         else:
             raise InvalidInputError("on_error must be 'raise' or 'brake'")
-        self._driven = decision.v, decision.omega
-        if not is_driven(*self._driven, self.robot.limits):
-            self._driven = 0.0, 0.0
-        self._clearance = decision.clearance
+        if isinstance(found, BaseException):
+            decision = self._safety.brake(found, driven)
+        else:
+            decision = self._safety.step(*found, **told, on_error=on_error)
+        self._driven, self._clearance = (decision.v, decision.omega), decision.clearance
         if decision.status is Status.INVALID:
             return decision
         return blocked_if(decision, self._blocked)
-
-    def _motors_driven(self, driven: Any) -> Any:
-        """Return the measured twist; inside the dead band the last one commanded.
-
-        There the motors do not move for any command, and accelerations relative to the
-        measured twist would never leave it.
-        """
-        limits, given = self.robot.limits, self._safety._last
-        found = caught(as_driven, driven, self._limits)
-        if limits.dead == (0.0, 0.0) or driven is None or not isinstance(found, tuple):
-            return driven
-        inside = not (is_driven(*found, limits) or is_driven(*given, limits))
-        return given if inside else driven
 
     def _desire(
         self, pose: Pose, given: tuple[Any, Any, Any], driven: Any

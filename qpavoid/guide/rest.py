@@ -31,11 +31,6 @@ EXACT = 1e-6
 """m or rad; tolerance for rounding."""
 
 
-def is_driven(v: float, omega: float, limits: Limits) -> bool:
-    """Return whether a twist, m/s and rad/s, is beyond the dead band."""
-    return abs(v) >= limits.v_dead or abs(omega) >= limits.omega_dead
-
-
 def beyond_band(v: float, omega: float, limits: Limits) -> Twist:
     """Return a twist scaled up along its arc to the edge of the dead band.
 

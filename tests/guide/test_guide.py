@@ -255,9 +255,9 @@ def test_bad_input_is_named_and_nothing_is_lost():
     for each in (guide, other):
         each.follow([(0.0, 0.0), (3.0, 0.0)])
     with pytest.raises(InvalidInputError, match="pose"):
-        guide.step((math.nan, 0.0, 0.0))
+        guide.step((math.nan, 0.0, 0.0), on_error="raise")
     with pytest.raises(InvalidInputError, match="points"):
-        guide.step((0.0, 0.0, 0.0), [(math.inf, 1.0)])
+        guide.step((0.0, 0.0, 0.0), [(math.inf, 1.0)], on_error="raise")
     with pytest.raises(InvalidInputError):
         guide.follow([(0.0, 0.0)])
     for call, said in (
@@ -280,9 +280,9 @@ def test_bad_input_is_named_and_nothing_is_lost():
         (lambda: guide.go_to((-1e308, 0.0, 0.0), (1e308, 0.0, 0.0)), "at most 2 km"),
         (lambda: guide.left("abc"), "pose must be"),
         (lambda: guide.left((math.nan, 0.0, 0.0)), "pose must be"),
-        (lambda: guide.step((0.0, 0.0)), "pose must be"),
-        (lambda: guide.step((0.0, 0.0, 0.0), [(1.0, 0.0, 0.3)]), "points must have"),
-        (lambda: guide.step((0.0, 0.0, 0.0), [5.0, 5.0, 6.0, 6.0]), "points must have"),
+        (lambda: guide.step((0.0, 0.0), on_error="raise"), "pose must be"),
+        (lambda: guide.step(AT, [(1.0, 0, 1)], on_error="raise"), "points must have"),
+        (lambda: guide.step(AT, [5.0, 6.0], on_error="raise"), "points must have"),
     ):
         with pytest.raises(InvalidInputError, match=said):
             call()
