@@ -154,7 +154,7 @@ def choose(course: Course, chosen: Array, waits: bool) -> None:
     if chosen[KIND] == HOLD:
         chosen[LEFT] -= 1.0
         if chosen[LEFT] < 0.5:
-            chosen[KIND] = PARK if ends(course) else TRACK
+            chosen[KIND] = PARK if ends(course.ahead) else TRACK
     best, chosen[PACE] = NONE, gentle_pace(course)
     scene, ahead, law, settings, _ = course
     course = Course(scene, ahead, law, settings, chosen[PACE])
@@ -207,9 +207,9 @@ def has_come(course: Course) -> bool:
 
 
 @compiled
-def ends(course: Course) -> bool:
+def ends(ahead: Array) -> bool:
     """Return whether the reference ahead ends."""
-    return bool(course.ahead[-1, V] < GOAL_SPEED)
+    return bool(ahead[-1, V] < GOAL_SPEED)
 
 
 @compiled_once
@@ -238,7 +238,7 @@ def cheapest(course: Course, chosen: Array, waits: bool) -> Candidate:
     if chosen[KIND] >= 0.0:
         best = driven_candidate(chosen)
         cost = (1.0 - s.hysteresis) * roll_on(course, best, math.inf)
-    for number in range(0 if ends(course) else 1, FIRST + FOLLOWS + HOLDS):
+    for number in range(0 if ends(course.ahead) else 1, FIRST + FOLLOWS + HOLDS):
         if number == STANDING and not waits:
             continue
         candidate = listed(fastest, number)

@@ -7,7 +7,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.decision import Decision, Status, blocked_if
+from qpavoid.avoidance.decision import Decision, Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.inputs import Stamps, as_driven, caught
 from qpavoid.avoidance.settings import AvoidanceSettings
@@ -18,7 +18,18 @@ from qpavoid.guide.rollout import ROWS, TICK, fill_ahead
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.guide.sight import Sight
 from qpavoid.guide.stage import GuideStage, Tracking, fresh_stage
-from qpavoid.guide.state import CLEAR, SEARCHING, STAGE_MODE, STILL, Progress
+from qpavoid.guide.state import (
+    ACTION,
+    ACTION_SHARE,
+    CLEAR,
+    COUNT,
+    DETOUR,
+    SEARCHING,
+    STAGE_MODE,
+    STILL,
+    Progress,
+)
+from qpavoid.model.contacts import clearance_of
 from qpavoid.model.kinematics import TINY, arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
@@ -41,6 +52,14 @@ SAME_PATH = 0.05
 
 STRAYED = 3.0
 """m from the reference beyond which a goal that is sent again is planned anew."""
+
+NEAR_GOAL = 1.5
+"""m; distance of the goal from which on the robot does not drive round one that is
+occupied."""
+
+LEAVE = 3.0
+"""Blocked times after which a robot that was at its goal holds another place while that
+is occupied."""
 
 CHANGED = 0.1
 """m of change in clearance or remaining distance after which a robot that gave up near
@@ -187,6 +206,7 @@ class Guide:
         self._pose: Pose | None = None
         self._mode = float(CLEAR)
         self._resigned: Array | None = None
+        self._arrived = False
         self._from, self._asked = (0.0, 0.0, 0.0), Asked(np.zeros(3), math.inf)
         plan, law = (
             standing(self._from),
@@ -324,6 +344,7 @@ class Guide:
             self._headway.take_over(headway)
         else:
             self._state, self._mode, self._resigned = fresh_stage(), float(CLEAR), None
+            self._arrived = False
             self._rest.forget()
         v_min, v_max = max(limits.v_min, -speed), min(limits.v_max, speed)
         robot = replace(self.robot, limits=replace(limits, v_min=v_min, v_max=v_max))
@@ -368,8 +389,8 @@ class Guide:
     ) -> Decision:
         """Return the twist for the coming control step.
 
-        ``blocked`` if the robot has made no progress to the goal for ``blocked_time``,
-        and stands.
+        ``blocked`` if the robot has made no progress to the goal for ``blocked_time``;
+        it may still move, to evade.
 
         Args:
             pose: Of the robot, world frame: x, y (m), γ (rad).
@@ -404,8 +425,10 @@ class Guide:
             decision = self._safety.step(*found, **told, on_error=on_error)
         self._driven, self._clearance = (decision.v, decision.omega), decision.clearance
         if decision.status is Status.INVALID:
-            return decision
-        return blocked_if(decision, self._blocked)
+            self._headway.time = 0.0
+        elif self._blocked:
+            decision = decision._replace(status=Status.BLOCKED)
+        return decision
 
     def _desire(
         self, pose: Pose, given: tuple[Any, Any, Any], driven: Any
@@ -424,13 +447,14 @@ class Guide:
         if self._path.has_ended:
             at = self._rest.see(at, self._driven, self._end)
         tracking, speed = self._path.step(at, self._driven), self._asked.speed
+        if self._note(at, seen, tracking):
+            error, ahead = (0.0, 0.0, 0.0), np.zeros((ROWS, 5))
+            tracking = tracking._replace(desired=error[:2], error=error, ahead=ahead)
         v = min(max(tracking.desired[0], -speed), speed)
         tracking = tracking._replace(desired=(v, tracking.desired[1]))
-        resigns = self._note(at, seen, tracking)
         progress, v, omega = self._stage(seen, tracking)
-        self._blocked = resigns or progress is Progress.BLOCKED
-        if resigns:
-            return 0.0, 0.0, seen
+        late = self._headway.time >= self._guide.blocked_time
+        self._blocked = late or progress is Progress.BLOCKED
         v = min(max(v, -speed), speed)
         return *beyond_band(v, omega, self.robot.limits), seen
 
@@ -438,30 +462,39 @@ class Guide:
         """Register progress to the goal; return whether the robot gives up near it.
 
         Without progress the stage is stalled and searches for a detour, for any motion
-        of the robot; near its goal the robot stands until something changes there.
+        of the robot. Near its goal the robot holds its place: while the goal is
+        occupied, else until something changes there.
         """
         s, headway, state = self._guide, self._headway, self._state
         was, self._mode = self._mode, state[STAGE_MODE]
-        near = moves_near(seen)
-        if near and self._path.has_ended:
-            # A robot that evades at its goal makes no progress to it.
-            headway.restart()
-        headway.note(at, self.settings.dt)
+        ended, near = self._path.has_ended, moves_near(seen)
         e_x, e_y, turn = tracking.error
         off = max(math.hypot(e_x, e_y), abs(turn))
-        at_goal = self._path.has_ended and headway.left < AT_GOAL
-        found = was == SEARCHING and state[STAGE_MODE] != SEARCHING and not at_goal
-        if found or off < (EXACT if self._path.has_ended else s.tolerance):
+        occupied = off >= EXACT and self._is_occupied(at, seen)
+        if near and ended and not occupied:
+            # A robot that evades at its goal makes no progress to it.
+            headway.restart()
+        detour = state[COUNT] - state[ACTION] - state[ACTION_SHARE]
+        follows = state[STAGE_MODE] == DETOUR
+        headway.note(at, self.settings.dt, detour if follows else math.inf)
+        at_goal = occupied or (ended and headway.left < AT_GOAL)
+        if was == SEARCHING and state[STAGE_MODE] == CLEAR and not at_goal:
+            headway.found()
+        self._arrived |= ended and off < EXACT
+        if off < (EXACT if ended else s.tolerance):
             headway.time = 0.0
         if state[STAGE_MODE] == SEARCHING:
             state[STILL] = max(state[STILL], headway.time)
-        late = headway.time >= (1.0 if at_goal else 0.5) * s.blocked_time
-        late = (late or self._resigned is not None) and not near
+        least = s.blocked_time if at_goal else 0.5 * s.blocked_time
+        if occupied:
+            least = LEAVE * s.blocked_time if self._arrived else s.stall_time
+        late = headway.time >= least
+        late = (late or self._resigned is not None) and (occupied or not near)
         if late and not at_goal and state[STAGE_MODE] == CLEAR:
             state[STILL] = max(state[STILL], s.stall_time)
         # Without obstacles a slow robot reaches its goal eventually.
         hindered = self._clearance < AT_GOAL or self.robot.limits.dead != (0.0, 0.0)
-        if not (late and at_goal and hindered):
+        if not (late and at_goal and (hindered or occupied)):
             self._resigned = None
             return False
         here = np.array([self._clearance, headway.left])
@@ -469,6 +502,14 @@ class Guide:
             self._resigned = here
         with np.errstate(invalid="ignore"):
             changed = bool((np.abs(here - self._resigned) > CHANGED).any())
-        if changed:
+        if changed and not occupied:
             headway.time, self._resigned = 0.0, None
-        return not changed
+        return occupied or not changed
+
+    def _is_occupied(self, at: Pose, seen: Obstacles) -> bool:
+        """Return whether the robot is near its goal, and an obstacle too near to it."""
+        goal = tracking_error(at, self._end)
+        if math.hypot(goal[0], goal[1]) > NEAR_GOAL:
+            return False
+        there = clearance_of(self.robot.footprint, seen.seen_from(goal).arrays)
+        return there < self.settings.radius.r_min_slow
