@@ -345,7 +345,7 @@ class Guide:
         else:
             self._state, self._mode, self._resigned = fresh_stage(), float(CLEAR), None
             self._arrived = False
-            self._rest.forget()
+            self._rest.begin(speed == math.inf)
         v_min, v_max = max(limits.v_min, -speed), min(limits.v_max, speed)
         robot = replace(self.robot, limits=replace(limits, v_min=v_min, v_max=v_max))
         tracker = StationTracker(Gains(), StationKeeping(), robot.limits)
@@ -362,7 +362,7 @@ class Guide:
         """
         self._safety.reset(v, omega)
         self._driven = as_driven((v, omega), self._limits)
-        self._rest.forget()
+        self._rest.begin(True)
         self._sight.forget()
 
     def left(self, pose: Pose) -> tuple[float, float]:
@@ -482,7 +482,7 @@ class Guide:
             headway.found()
         self._arrived |= ended and off < EXACT
         if off < (EXACT if ended else s.tolerance):
-            headway.time = 0.0
+            headway.restart()
         if state[STAGE_MODE] == SEARCHING:
             state[STILL] = max(state[STILL], headway.time)
         least = s.blocked_time if at_goal else 0.5 * s.blocked_time
@@ -492,8 +492,10 @@ class Guide:
         late = (late or self._resigned is not None) and (occupied or not near)
         if late and not at_goal and state[STAGE_MODE] == CLEAR:
             state[STILL] = max(state[STILL], s.stall_time)
-        # Without obstacles a slow robot reaches its goal eventually.
-        hindered = self._clearance < AT_GOAL or self.robot.limits.dead != (0.0, 0.0)
+        hindered = self._clearance < AT_GOAL
+        if at_goal and not hindered:  # it turns on the spot, and gets there
+            state[STILL] = 0.0
+        hindered |= self.robot.limits.dead != (0.0, 0.0)
         if not (late and at_goal and (hindered or occupied)):
             self._resigned = None
             return False
