@@ -474,10 +474,11 @@ class Guide:
         if near and ended and not occupied:
             # A robot that evades at its goal makes no progress to it.
             headway.restart()
-        detour = state[COUNT] - state[ACTION] - state[ACTION_SHARE]
-        follows = state[STAGE_MODE] == DETOUR
-        headway.note(at, self.settings.dt, detour if follows else math.inf)
         at_goal = occupied or (ended and headway.left < AT_GOAL)
+        detour = math.inf
+        if state[STAGE_MODE] == DETOUR and not at_goal:
+            detour = state[COUNT] - state[ACTION] - state[ACTION_SHARE]
+        headway.note(at, self.settings.dt, detour)
         if was == SEARCHING and state[STAGE_MODE] == CLEAR and not at_goal:
             headway.found()
         self._arrived |= ended and off < EXACT
@@ -500,8 +501,8 @@ class Guide:
             self._resigned = None
             return False
         here = np.array([self._clearance, headway.left])
-        if self._resigned is None:
-            self._resigned = here
+        if self._resigned is None or self._driven != (0.0, 0.0):
+            self._resigned = here  # its own motion is no change
         with np.errstate(invalid="ignore"):
             changed = bool((np.abs(here - self._resigned) > CHANGED).any())
         if changed and not occupied:
