@@ -391,6 +391,7 @@ class SafetyFilter:
         age: float = 0.0,
         driven: tuple[float, float] | None = None,
         on_error: Literal["brake", "raise"] = "brake",
+        accept: Callable[[Decision], bool] | None = None,
         **named: Any,
     ) -> Decision:
         """Return the decision of :meth:`filter`; on an error brake instead of raising.
@@ -411,9 +412,11 @@ class SafetyFilter:
                 ``points`` of the freshness.
             driven: See :meth:`filter`; braking starts from it, too.
             on_error: ``raise``: errors are raised, the latch is not used.
+            accept: Function that returns whether a decision may be driven; if not, the
+                robot stops clear of the static obstacles, ``braking``.
             named: Obstacles by name. Points are stored uncopied until a good step.
         """
-        named |= {"driven": driven}
+        named |= {"driven": driven, "accept": accept}
         if on_error == "raise":
             return self._checked(given, named, stamps, age)
         if self._engine.is_elsewhere():
@@ -437,8 +440,15 @@ class SafetyFilter:
         age: float,
     ) -> Decision:
         """Return the decision of :meth:`filter` at the age of its inputs."""
-        known = self._monitor.age(stamps, age)
-        return self.filter(*given, **named, age=known)
+        known, accept = self._monitor.age(stamps, age), named.pop("accept")
+        before = self._engine.state if accept is None else self._engine.state.copy()
+        found = self.filter(*given, **named, age=known)
+        if accept is None or accept(found):
+            return found
+        self._engine.state[:] = before
+        self._monitor.last = LastSeen(seen_of(given, named))
+        halt = self._stopped("", named["driven"])
+        return halt._replace(status=Status.BRAKING, clearance=found.clearance)
 
     def brake(
         self,

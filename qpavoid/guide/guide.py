@@ -13,7 +13,7 @@ from qpavoid.avoidance.inputs import Stamps, as_driven, caught
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.guide.headway import AT_GOAL, Headway, lengths, moves_near, start_row
-from qpavoid.guide.rest import EXACT, JUMP, Rest, beyond_band
+from qpavoid.guide.rest import EXACT, JUMP, Bounds, Rest, beyond_band
 from qpavoid.guide.rollout import ROWS, TICK, fill_ahead
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.guide.sight import Sight
@@ -33,8 +33,9 @@ from qpavoid.model.contacts import clearance_of
 from qpavoid.model.kinematics import TINY, arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
-from qpavoid.model.validation import as_number, as_pose, as_rows
+from qpavoid.model.validation import as_number, as_pose, as_rows, check_finite
 from qpavoid.perception.perception import Perception
+from qpavoid.settings import want
 from qpavoid.tracking.clock import Waiting
 from qpavoid.tracking.kanayama import Gains, Tracker, tracking_error
 from qpavoid.tracking.path import Path, SplinePath
@@ -204,6 +205,7 @@ class Guide:
         self._rest = Rest(robot.limits, self.settings.dt)
         self._driven, self._clearance = (0.0, 0.0), math.inf
         self._pose: Pose | None = None
+        self._bounds: Bounds | None = None
         self._mode = float(CLEAR)
         self._resigned: Array | None = None
         self._arrived = False
@@ -280,10 +282,36 @@ class Guide:
         start, end = as_pose(pose, "pose"), as_pose(goal, "goal")
         self._go(start, Asked(np.array(end), self._as_speed(speed)))
 
-    def stay(self, pose: Pose) -> None:
-        """Stay at a pose, world frame, and return to it after evading."""
+    def stay(
+        self,
+        pose: Pose,
+        *,
+        max_away: float = math.inf,
+        region: npt.ArrayLike | None = None,
+    ) -> None:
+        """Stay at a pose, world frame, and return to it after giving way.
+
+        At the edge of the area the robot stops instead of giving way any farther.
+
+        Args:
+            pose: Station.
+            max_away: Greatest distance of the robot's origin from it, m.
+            region: (n, 2) corners of a polygon, convex or not, world frame, m, that the
+                origin must not leave.
+
+        Raises:
+            InvalidInputError: Numbers that are not finite, a distance that is not
+                positive, or a station outside the region. The previous task is kept.
+        """
         end = as_pose(pose, "pose")
+        corners = np.empty((0, 2)) if region is None else as_rows(region, 2, "a region")
+        want(region is None or len(corners) > 2, "a region needs three corners")
+        check_finite(corners, "a region")
+        want(max_away > 0.0, f"max_away must be above 0, not {max_away}")
+        bounds = Bounds(end, max_away, corners.copy())
+        want(bounds.beyond(*end[:2]) == 0.0, "the station must be inside its region")
         self._go(self._pose or end, Asked(np.array(end), math.inf))
+        self._bounds = bounds
 
     def _go(self, start: Pose, asked: Asked) -> None:
         """Go straight to a goal; at speed 0 stay there."""
@@ -352,7 +380,7 @@ class Guide:
         stage = GuideStage(robot, self._guide, self.settings, tracker.array)
         self._path = PathTracking(tracker, Waiting(), self.settings.dt, self._guide)
         self._path.follow(plan, place)
-        self._stage, self._asked = stage.start(self._state), asked
+        self._stage, self._asked, self._bounds = stage.start(self._state), asked, None
 
     def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
         """Reset the state; the robot drives (v, ω), cut to its limits.
@@ -422,13 +450,25 @@ class Guide:
         if isinstance(found, BaseException):
             decision = self._safety.brake(found, driven)
         else:
-            decision = self._safety.step(*found, **told, on_error=on_error)
+            decision = self._safety.step(
+                *found, **told, on_error=on_error, accept=self._accepts
+            )
         self._driven, self._clearance = (decision.v, decision.omega), decision.clearance
         if decision.status is Status.INVALID:
             self._headway.time = 0.0
         elif self._blocked:
             decision = decision._replace(status=Status.BLOCKED)
         return decision
+
+    def _accepts(self, decision: Decision) -> bool:
+        """Return whether a robot that gives way stays in its area."""
+        bounds, pose = self._bounds, self._pose
+        if bounds is None or pose is None or not self._arrived:
+            return True
+        late = self.settings.actuation.delay
+        pose = arc(*pose, *self._driven, late)
+        twist = decision.v, decision.omega
+        return not bounds.is_left(self._limits, pose, twist, self.settings.dt)
 
     def _desire(
         self, pose: Pose, given: tuple[Any, Any, Any], driven: Any

@@ -7,12 +7,15 @@ of the motors.
 """
 
 import math
+from typing import NamedTuple
+
+import numpy as np
 
 from qpavoid.guide.steering import AT
-from qpavoid.model.kinematics import arc
-from qpavoid.model.robot import Limits
+from qpavoid.model.kinematics import TINY, arc
+from qpavoid.model.robot import Limits, limit_twist
 from qpavoid.tracking.kanayama import tracking_error
-from qpavoid.types import Pose, Twist
+from qpavoid.types import Array, Pose, Twist
 
 REST_RADIUS = 0.3
 """m from the goal within which poses are smoothed."""
@@ -57,6 +60,51 @@ def beyond_band(v: float, omega: float, limits: Limits) -> Twist:
         x if abs(x) >= d else math.copysign(d, x) * round(abs(x) / d) for x, d in parts
     )
     return v, omega
+
+
+class Bounds(NamedTuple):
+    """Area that the origin of a robot must not leave while it gives way.
+
+    Attributes:
+        place: Its station, world frame.
+        max_away: Greatest distance from that, m.
+        corners: (n, 2) polygon, convex or not, world frame, m; n = 0: none.
+    """
+
+    place: Pose
+    max_away: float
+    corners: Array
+
+    def beyond(self, x: float, y: float) -> float:
+        """Return the distance of a point from the area, m; 0 inside."""
+        away = max(math.dist((x, y), self.place[:2]) - self.max_away, 0.0)
+        if not len(self.corners):
+            return away
+        a, edge = self.corners - (x, y), np.roll(self.corners, -1, 0) - self.corners
+        b, square = a + edge, np.maximum((edge**2).sum(axis=1), TINY)
+        rises = np.where(edge[:, 1] == 0.0, TINY, edge[:, 1])
+        right = a[:, 0] - a[:, 1] * edge[:, 0] / rises > 0.0
+        if ((((a[:, 1] > 0.0) != (b[:, 1] > 0.0)) & right).sum() % 2) == 1:
+            return away
+        share = np.clip(-(a * edge).sum(axis=1) / square, 0.0, 1.0)
+        return max(away, float(np.hypot(*(a + share[:, None] * edge).T).min()))
+
+    def is_left(self, robot: Array, pose: Pose, twist: Twist, dt: float) -> bool:
+        """Return whether a robot that drives a twist, then stops, gets farther out.
+
+        Args:
+            robot: See :attr:`qpavoid.model.robot.Robot.limit_vector`.
+            pose: World frame.
+            twist: m/s and rad/s, driven for dt.
+            dt: Control step, s.
+        """
+        most = self.beyond(*pose[:2]) + EXACT
+        while twist != (0.0, 0.0):
+            pose = arc(*pose, *twist, dt)
+            if self.beyond(*pose[:2]) > most:
+                return True
+            twist = limit_twist(robot, (0.0, 0.0), twist, dt)
+        return False
 
 
 class Rest:
