@@ -391,7 +391,7 @@ class SafetyFilter:
         age: float = 0.0,
         driven: tuple[float, float] | None = None,
         on_error: Literal["brake", "raise"] = "brake",
-        accept: Callable[[Decision], bool] | None = None,
+        accept: Callable[[float, float], bool] | None = None,
         **named: Any,
     ) -> Decision:
         """Return the decision of :meth:`filter`; on an error brake instead of raising.
@@ -412,8 +412,8 @@ class SafetyFilter:
                 ``points`` of the freshness.
             driven: See :meth:`filter`; braking starts from it, too.
             on_error: ``raise``: errors are raised, the latch is not used.
-            accept: Function that returns whether a decision may be driven; if not, the
-                robot stops clear of the static obstacles, ``braking``.
+            accept: Function from (v, ω) to whether the robot may drive it; if not, it
+                stops clear of the static obstacles, ``braking``.
             named: Obstacles by name. Points are stored uncopied until a good step.
         """
         named |= {"driven": driven, "accept": accept}
@@ -443,7 +443,7 @@ class SafetyFilter:
         known, accept = self._monitor.age(stamps, age), named.pop("accept")
         before = self._engine.state if accept is None else self._engine.state.copy()
         found = self.filter(*given, **named, age=known)
-        if accept is None or accept(found):
+        if accept is None or accept(found.v, found.omega):
             return found
         self._engine.state[:] = before
         self._monitor.last = LastSeen(seen_of(given, named))

@@ -307,8 +307,9 @@ class Guide:
         corners = np.empty((0, 2)) if region is None else as_rows(region, 2, "a region")
         want(region is None or len(corners) > 2, "a region needs three corners")
         check_finite(corners, "a region")
-        want(max_away > 0.0, f"max_away must be above 0, not {max_away}")
-        bounds = Bounds(end, max_away, corners.copy())
+        away = max_away if max_away == math.inf else as_number(max_away, "max_away")
+        want(away > 0.0, f"max_away must be above 0, not {away:g}")
+        bounds = Bounds(end, away, corners.copy())
         want(bounds.beyond(*end[:2]) == 0.0, "the station must be inside its region")
         self._go(self._pose or end, Asked(np.array(end), math.inf))
         self._bounds = bounds
@@ -451,7 +452,7 @@ class Guide:
             decision = self._safety.brake(found, driven)
         else:
             decision = self._safety.step(
-                *found, **told, on_error=on_error, accept=self._accepts
+                *found, **told, on_error=on_error, accept=self._stays
             )
         self._driven, self._clearance = (decision.v, decision.omega), decision.clearance
         if decision.status is Status.INVALID:
@@ -460,15 +461,13 @@ class Guide:
             decision = decision._replace(status=Status.BLOCKED)
         return decision
 
-    def _accepts(self, decision: Decision) -> bool:
-        """Return whether a robot that gives way stays in its area."""
+    def _stays(self, v: float, omega: float) -> bool:
+        """Return whether a robot that gives way with a twist stays in its area."""
         bounds, pose = self._bounds, self._pose
         if bounds is None or pose is None or not self._arrived:
             return True
-        late = self.settings.actuation.delay
-        pose = arc(*pose, *self._driven, late)
-        twist = decision.v, decision.omega
-        return not bounds.is_left(self._limits, pose, twist, self.settings.dt)
+        pose = arc(*pose, *self._driven, self.settings.actuation.delay)
+        return not bounds.is_left(self._limits, pose, (v, omega), self.settings.dt)
 
     def _desire(
         self, pose: Pose, given: tuple[Any, Any, Any], driven: Any
@@ -495,7 +494,7 @@ class Guide:
         progress, v, omega = self._stage(seen, tracking)
         late = self._headway.time >= self._guide.blocked_time
         self._blocked = late or progress is Progress.BLOCKED
-        v = min(max(v, -speed), speed)
+        v = min(max(v, -speed), speed) if self._stays(v, omega) else 0.0
         return *beyond_band(v, omega, self.robot.limits), seen
 
     def _note(self, at: Pose, seen: Obstacles, tracking: Tracking) -> bool:
@@ -535,7 +534,7 @@ class Guide:
             state[STILL] = max(state[STILL], s.stall_time)
         hindered = self._clearance < AT_GOAL
         if at_goal and not hindered:  # it turns on the spot, and gets there
-            state[STILL] = 0.0
+            state[STILL], state[STAGE_MODE] = 0.0, CLEAR
         hindered |= self.robot.limits.dead != (0.0, 0.0)
         if not (late and at_goal and (hindered or occupied)):
             self._resigned = None
