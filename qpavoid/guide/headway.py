@@ -35,7 +35,7 @@ TURN_WEIGHT = 0.3
 NEAR_DISTANCE, NEAR_TIME = 3.0, 3.0
 """m, and s; a moving obstacle is near if it can be within that distance by then."""
 
-STANDS = 0.2
+STANDING_SPEED = 0.2
 """m/s; estimated speed of a standing person while the robot drives."""
 
 PROGRESS_SHARE, PROGRESS_LEAST = 0.5, 0.05
@@ -80,7 +80,7 @@ def moves_near(seen: Obstacles) -> bool:
         return False
     speeds = np.hypot(rows[:, V_X], rows[:, V_Y])
     ends = np.hypot(rows[:, [X1, X2]], rows[:, [Y1, Y2]])
-    moves = (speeds > STANDS) | (rows[:, TURN] != 0.0)
+    moves = (speeds > STANDING_SPEED) | (rows[:, TURN] != 0.0)
     return bool((moves & (ends.min(axis=1) < NEAR_DISTANCE + NEAR_TIME * speeds)).any())
 
 
