@@ -40,7 +40,7 @@ from qpavoid import (
     Stamps,
     Status,
 )
-from qpavoid.avoidance.inputs import StepWatch, as_driven
+from qpavoid.avoidance.inputs import StepMonitor, as_driven
 from qpavoid.avoidance.settings import Actuation
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -238,7 +238,7 @@ class Tally:
             return
         took = thread_time() - started
         if "stamps" in given:  # later calls have none
-            safety._watch = StepWatch(safety.freshness, dt)
+            safety._monitor = StepMonitor(safety.freshness, dt)
         self.seen["calls"] += 1
         self.seen["invalid"] += answer.status is Status.INVALID
         self.seen["not finite"] += not all(map(math.isfinite, answer[:2]))

@@ -6,7 +6,7 @@ from copy import deepcopy
 from dataclasses import replace
 from threading import get_ident
 from time import perf_counter
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +20,7 @@ from qpavoid.avoidance.inputs import (
     Freshness,
     LastSeen,
     Stamps,
-    StepWatch,
+    StepMonitor,
     as_age,
     as_driven,
     as_table,
@@ -89,6 +89,7 @@ class Engine:
         setup: Robot and settings.
         solver: Name of the back end.
         ahead: Whether to look ahead.
+        has_band: Whether the motors have a dead band.
         state: See :mod:`qpavoid.avoidance.plan`; written in place.
         thread: Owner; 0: none yet.
         quick: Fast call for points alone; None: not applicable, or invalid input.
@@ -98,6 +99,7 @@ class Engine:
         self, robot: Robot, settings: AvoidanceSettings, solver: str, ahead: bool
     ) -> None:
         self.settings, self.solver, self.ahead = settings, solver, ahead
+        self.has_band = robot.limits.dead != (0.0, 0.0)
         self.setup = setup_of(robot, settings)
         self.forget()
         self.use(named_back_end(solver))
@@ -148,7 +150,7 @@ class Engine:
     def _be_quick(self) -> None:
         """Prepare the fast call of machine code, if there is any."""
         self.quick = nothing
-        if self.thread != 0 and self.back_end is None:
+        if self.thread != 0 and self.back_end is None and not self.has_band:
             given = NO_POINTS, NO_CAPSULES, 0.0, self.ahead, 0.0, 0.0
             known = *self.setup, *given, self.state, self._memory
             self.quick = bound(filter_step, known, GIVEN, MADE) or nothing
@@ -287,8 +289,7 @@ class SafetyFilter:
         self._robot = robot
         self._settings = settings if settings is not None else AvoidanceSettings()
         self._engine = Engine(robot, self._settings, solver, ahead)
-        self._watch = StepWatch(freshness or Freshness(), self._settings.dt)
-        self._seen: LastSeen | None = None
+        self._monitor = StepMonitor(freshness or Freshness(), self._settings.dt)
         self._braked("", (0.0, 0.0))  # compile now, not in an emergency
 
     def __getstate__(self) -> dict[str, Any]:
@@ -343,12 +344,12 @@ class SafetyFilter:
     @property
     def freshness(self) -> Freshness:
         """Greatest ages of the inputs of :meth:`step`."""
-        return self._watch.freshness
+        return self._monitor.freshness
 
     @property
     def faults(self) -> dict[str, int]:
         """Number of faults in :meth:`step` and :meth:`brake`, by input and reason."""
-        return dict(self._watch.faults)
+        return dict(self._monitor.faults)
 
     @property
     def plan(self) -> Plan:
@@ -376,7 +377,7 @@ class SafetyFilter:
         driven = as_driven((v, omega), self._engine.setup.robot)
         self._engine.forget()
         self._engine.drives(*driven)
-        self._seen = None
+        self._monitor.last = None
 
     def filter(
         self,
@@ -418,7 +419,7 @@ class SafetyFilter:
         """Return the decision for any kind of arguments; see :meth:`filter`."""
         started, engine = perf_counter(), self._engine
         engine.bind(get_ident())
-        desired, age = as_twist(v, omega), as_age(age)
+        desired, age = self._beyond_band(as_twist(v, omega)), as_age(age)
         arrays, memory = as_table(seen), engine.state
         state = self._state_at(driven)
         outcome = engine.step(desired, arrays, age, state)
@@ -426,7 +427,7 @@ class SafetyFilter:
             raise why_invalid(seen)
         if state is not memory:
             memory[:] = state
-        return as_decision(outcome, started)
+        return self._commanded(as_decision(outcome, started))
 
     def step(
         self,
@@ -435,6 +436,8 @@ class SafetyFilter:
         stamps: Stamps | None = None,
         age: float = 0.0,
         driven: tuple[float, float] | None = None,
+        on_error: Literal["brake", "raise"] = "brake",
+        accept: Callable[[float, float], bool] | None = None,
         **named: Any,
     ) -> Decision:
         """Return the decision of :meth:`filter`; on an error brake instead of raising.
@@ -454,32 +457,48 @@ class SafetyFilter:
             age: s since the obstacles were measured, if stamps do not say more; at most
                 ``points`` of the freshness.
             driven: See :meth:`filter`; braking starts from it, too.
+            on_error: ``raise``: errors are raised, the latch is not used.
+            accept: Function from (v, ω) to whether the robot may drive it; if not, it
+                stops clear of the static obstacles, ``braking``.
             named: Obstacles by name. Points are stored uncopied until a good step.
         """
-        found: Decision | BaseException
+        named |= {"driven": driven, "accept": accept}
+        if on_error == "raise":
+            return self._checked(given, named, stamps, age)
         if self._engine.is_elsewhere():
             return self._braked(ELSEWHERE, driven)
-        known = caught(self._watch.age, stamps, age)
-        before = None if self._watch.is_open else self._engine.state.copy()
-        if isinstance(known, BaseException):
-            found = known
-        else:
-            named |= {"age": known, "driven": driven}
-            found = caught(self.filter, *given, **named)
-        if not isinstance(found, BaseException):
-            self._seen = LastSeen(seen_of(given, named))
-            if self._watch.allows(None):
-                return found
-            self._engine.state[:] = before
-            return self._stopped(WAITING, driven)
-        self._watch.allows(found)
-        self._has_moved()
-        stale = isinstance(found, FaultError) and "odometry" in found.faults
-        return self._stopped(problem_of(found), None if stale else driven)
+        monitor, engine = self._monitor, self._engine
+        before = None if monitor.latch.is_open else engine.state.copy()
+        found = caught(self._checked, given, named, stamps, age)
+        if isinstance(found, BaseException):
+            return self.brake(found, driven)
+        monitor.last = LastSeen(seen_of(given, named))
+        if monitor.allows_after(None):
+            return found
+        engine.state[:] = before
+        return self._stopped(WAITING, driven)
+
+    def _checked(
+        self,
+        given: tuple[Any, ...],
+        named: dict[str, Any],
+        stamps: Stamps | None,
+        age: float,
+    ) -> Decision:
+        """Return the decision of :meth:`filter` at the age of its inputs."""
+        known, accept = self._monitor.age(stamps, age), named.pop("accept")
+        before = self._engine.state if accept is None else self._engine.state.copy()
+        found = self.filter(*given, **named, age=known)
+        if accept is None or accept(found.v, found.omega):
+            return found
+        self._engine.state[:] = before
+        self._monitor.last = LastSeen(seen_of(given, named))
+        halt = self._stopped("", named["driven"])
+        return halt._replace(status=Status.BRAKING, clearance=found.clearance)
 
     def brake(
         self,
-        problem: str = PROBLEM,
+        problem: str | BaseException = PROBLEM,
         driven: tuple[float, float] | None = None,
         seen: Obstacles | None = None,
     ) -> Decision:
@@ -489,21 +508,24 @@ class SafetyFilter:
         finds. Called from another thread than the filter's it changes no state.
 
         Args:
-            problem: Sentence for the decision.
+            problem: Sentence for the decision; or an error: a :class:`FaultError` is
+                counted by input.
             driven: Measured (v, ω), default the filter's last twist; ignored if
-                invalid.
+                invalid, or if odometry is at fault.
             seen: Known obstacles, robot frame; default those of the last good step.
         """
+        error = QPAvoidError(problem) if isinstance(problem, str) else problem
         if not self._engine.is_elsewhere():
-            self._watch.allows(QPAvoidError(problem))
-            self._has_moved()
+            self._monitor.allows_after(error)
+            self._monitor.moved(*self._last, self._settings.dt)
             if seen is not None:
-                self._seen = LastSeen(seen)
-        return self._stopped(problem, driven)
+                self._monitor.last = LastSeen(seen)
+        stale = isinstance(error, FaultError) and "odometry" in error.faults
+        return self._stopped(problem_of(error), None if stale else driven)
 
     def acknowledge(self) -> None:
         """Let :meth:`step` drive again at once if the fault is over."""
-        self._watch.acknowledge()
+        self._monitor.latch.acknowledge()
 
     def _stopped(self, problem: str, driven: Any) -> Decision:
         """Stop clear of the last known static obstacles; without any, along the arc."""
@@ -512,43 +534,60 @@ class SafetyFilter:
             return found._replace(status=Status.INVALID, problem=problem)
         return self._braked(problem, driven)
 
-    def _has_moved(self) -> None:
-        """Advance the last known obstacles by a step of the last twist."""
-        if self._seen is not None:
-            self._seen = self._seen.after(*self._last, self._settings.dt)
-
     def _stop(self, driven: Pair | None) -> Decision | None:
         """Return the filter's decision for a stop; None at rest or on failure."""
         started, engine = perf_counter(), self._engine
-        state = self._state_at(driven).copy()
-        if self._seen is None or engine.is_elsewhere() or not state[:2].any():
+        state, last = self._state_at(driven).copy(), self._monitor.last
+        if last is None or engine.is_elsewhere() or not state[:2].any():
             return None
-        outcome = engine.step_exactly(HALT, self._seen.standing(), 0.0, state)
+        outcome = engine.step_exactly(HALT, last.standing(), 0.0, state)
         if outcome[0] == INVALID:
             return None
         engine.state[:] = state
-        return as_decision(outcome, started)
+        return self._commanded(as_decision(outcome, started))
 
     def _braked(self, problem: str, driven: Any) -> Decision:
         """Brake from ``driven`` if it is valid, else from the last twist."""
         started, engine = perf_counter(), self._engine
         robot, dt, last = engine.setup.robot, self._settings.dt, self._last
         if driven is not None:
-            told = caught(as_driven, driven, robot)
+            told = caught(self._driven, driven)
             last = last if isinstance(told, BaseException) else told
         v, omega = braking_twist(robot, *last, dt)
         if not engine.is_elsewhere():
             engine.drives(v, omega)
         elapsed, status = perf_counter() - started, Status.INVALID
         known = math.nan, 0.0, 0.0, (), elapsed, 0.0, 0.0, problem
-        return Decision(v + 0.0, omega + 0.0, status, *known)
+        return self._commanded(Decision(v + 0.0, omega + 0.0, status, *known))
+
+    def _driven(self, driven: Pair) -> Pair:
+        """Return a measured twist; within the dead band the last one, cut to the band.
+
+        There the motors stand still for any command, and accelerations relative to the
+        measured twist would never leave it.
+        """
+        limits, twist = self._robot.limits, as_driven(driven, self._engine.setup.robot)
+        inside = self._engine.has_band and not limits.moves(*twist)
+        return limits.within_band(*self._last) if inside else twist
+
+    def _commanded(self, decision: Decision) -> Decision:
+        """Return a decision with zero in place of a twist within the dead band."""
+        if not self._engine.has_band:
+            return decision
+        v, omega = self._beyond_band((decision.v, decision.omega))
+        return decision._replace(v=v, omega=omega)
+
+    def _beyond_band(self, twist: Pair) -> Pair:
+        """Return a twist, or zero if it lies within the dead band."""
+        inside = self._engine.has_band and not self._robot.limits.moves(*twist)
+        return HALT if inside else twist
 
     def _state_at(self, driven: Pair | None) -> Array:
         """Return the state of a robot that drives a twist at present."""
         if driven is None:
             return self._engine.state
         state = self._engine.state.copy()
-        state[:2] = as_driven(driven, self._engine.setup.robot)
+        state[:2] = self._driven(driven)
         return state
 
     def problem(
@@ -575,7 +614,7 @@ class SafetyFilter:
         """
         seen = obstacles if points is NO_POINTS else only_points(obstacles, points)
         arrays, state = as_table(seen), self._state_at(driven).copy()
-        desired, age = as_twist(v, omega), as_age(age)
+        desired, age = self._beyond_band(as_twist(v, omega)), as_age(age)
         outcome = self._engine.step_exactly(desired, arrays, age, state)
         if outcome[0] == INVALID:
             raise why_invalid(seen)

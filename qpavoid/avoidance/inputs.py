@@ -310,110 +310,6 @@ class Stamps(NamedTuple):
     steady: float | None = None
 
 
-class StepWatch:
-    """Monitor of a filter's inputs, step by step.
-
-    Args:
-        freshness: Greatest ages, and when a fault ends.
-        dt: Control step, s.
-
-    Attributes:
-        faults: Number of faults, by input and reason.
-    """
-
-    def __init__(self, freshness: Freshness, dt: float) -> None:
-        self.freshness, self.faults = freshness, dict[str, int]()
-        self._latch = Latch(freshness.good_steps(dt), is_open=True)
-        self._awaited: set[str] = set()
-        self._forget()
-
-    def _forget(self) -> None:
-        """Reset the monitors of all inputs."""
-        fresh, self._steady = self.freshness, -math.inf
-        self._inputs = {
-            name: InputWatch(getattr(fresh, name), fresh.future) for name in INPUTS
-        }
-
-    def age(self, stamps: Stamps | None, age: float) -> float:
-        """Return the age of a step's obstacles, s.
-
-        Args:
-            stamps: Of the inputs; None: only the age is used.
-            age: Given by the caller, s.
-
-        Raises:
-            FaultError: An input is rejected.
-            InvalidInputError: A number is missing or not finite.
-        """
-        age, found = as_age(age), dict[str, Fault]()
-        if stamps is not None:
-            found = self._found(stamps)
-        elif self._awaited:
-            found = dict.fromkeys(self._awaited, Fault.UNSTAMPED)
-        if age > self.freshness.points:
-            found.setdefault("points", Fault.STALE)
-        if found:
-            raise FaultError(found)
-        return max([age, *self._ages(stamps)])
-
-    def _ages(self, stamps: Stamps | None) -> list[float]:
-        if stamps is None:
-            return []
-        now, steady = stamps.now, _steady(stamps)
-        seen = self._awaited.intersection(SEEN)
-        return [self._inputs[name].age(now, steady) for name in seen]
-
-    def _found(self, stamps: Stamps) -> dict[str, Fault]:
-        """Register stamps; return the faults by input."""
-        now, steady, found = stamps.now, _steady(stamps), dict[str, Fault]()
-        told = {name for name in INPUTS if getattr(stamps, name) is not None}
-        self._awaited |= told
-        if not (math.isfinite(now) and math.isfinite(steady)):
-            raise InvalidInputError("the time of a step must be finite")
-        if stamps.valid < 0.0 or stamps.valid > 1.0:
-            raise InvalidInputError("the share of valid beams must be 0 to 1")
-        went_back, self._steady = steady < self._steady, steady
-        if went_back:
-            self._forget()
-            raise InvalidInputError("the steady clock of the stamps went back")
-        for name, watch in self._inputs.items():
-            stamp, fault = getattr(stamps, name), None
-            if stamp is not None and (
-                stamp != watch.stamp or stamp > now + watch.future
-            ):
-                fault = watch.receive(stamp, now, steady)
-            if name in self._awaited:
-                fault = fault or watch.fault(now, steady)
-            if fault is not None:
-                found[name] = fault
-        if not self._awaited.intersection(SEEN):
-            found["points"] = Fault.NEVER
-        if not stamps.valid >= self.freshness.valid:
-            # A repeated scan stays blind, regardless of its new share.
-            blind = self._inputs["points"].judge(Fault.BLIND)
-            found.setdefault("points", blind)
-        return found
-
-    def allows(self, error: BaseException | None) -> bool:
-        """Return whether the robot may drive after a step with or without an error."""
-        faults = error.faults if isinstance(error, FaultError) else {}
-        if error is not None and not faults:
-            faults = {"step": Fault.INVALID}
-        for name, fault in faults.items():
-            key = f"{name}: {fault}"
-            self.faults[key] = self.faults.get(key, 0) + 1
-        return self._latch.step(faults)
-
-    @property
-    def is_open(self) -> bool:
-        """Whether the robot may drive after the last step."""
-        return self._latch.is_open
-
-    def acknowledge(self) -> None:
-        """Let the robot drive again at once if the last step was good."""
-        self._latch.acknowledge()
-
-
 class FaultError(QPAvoidError):
     """An input of a step is rejected.
 
@@ -425,31 +321,6 @@ class FaultError(QPAvoidError):
         self.faults = faults
         told = (f"{name}: {fault}. {fault.sentence}" for name, fault in faults.items())
         super().__init__(" ".join(told))
-
-
-def caught(call: Callable[..., T], /, *given: Any, **named: Any) -> T | BaseException:
-    """Return the result of a call, or its exception; Ctrl-C is raised."""
-    try:
-        return call(*given, **named)
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:  # SystemExit, too: the robot is moving
-        return error
-
-
-def problem_of(error: BaseException) -> str:
-    """Return the message of an error, with its class unless it is qpavoid's."""
-    try:
-        said = str.__str__(str(error))
-    except BaseException:
-        said = ""
-    if isinstance(error, QPAvoidError):
-        return said
-    return f"{type.__dict__['__name__'].__get__(type(error))}: {said}"
-
-
-def _steady(stamps: Stamps) -> float:
-    return monotonic() if stamps.steady is None else stamps.steady
 
 
 class LastSeen(NamedTuple):
@@ -480,6 +351,158 @@ class LastSeen(NamedTuple):
         seen = Obstacles.of(*as_table(self.seen))
         still = seen.capsules[seen.speeds <= SPEED_AT_REST]
         return Obstacles.of(seen.points, still).seen_from(self.pose).arrays
+
+
+class InputMonitor:
+    """Monitor of named inputs: stamps, ages, latch, and the last static map.
+
+    Args:
+        oldest: Greatest age by input, s.
+        future: Tolerance of a stamp ahead of the clock, s.
+        latch: Interlock of the robot.
+
+    Attributes:
+        watches: Monitors of the stamps, by input.
+        awaited: Inputs without which a step is a fault; all, at first.
+        latch: As given.
+        last: Last static map; None: none yet.
+        faults: Number of faults, by input and reason.
+    """
+
+    def __init__(self, oldest: Mapping[str, float], future: float, latch: Latch):
+        self.watches = {name: InputWatch(age, future) for name, age in oldest.items()}
+        self.latch, self.awaited, self.faults = latch, {*oldest}, dict[str, int]()
+        self.last: LastSeen | None = None
+
+    def found(self, now: float, steady: float) -> dict[str, Fault]:
+        """Return the present faults by awaited input; times as of InputWatch."""
+        all_of = ((k, x.fault(now, steady)) for k, x in self.watches.items())
+        return {k: x for k, x in all_of if x is not None and k in self.awaited}
+
+    def ages(self, now: float, steady: float) -> dict[str, float]:
+        """Return the ages of all inputs, s; ``inf``: never seen."""
+        return {name: watch.age(now, steady) for name, watch in self.watches.items()}
+
+    def allows(self, faults: Mapping[str, Fault]) -> bool:
+        """Register the faults of a step; return whether the robot may drive."""
+        for name, fault in faults.items():
+            key = f"{name}: {fault}"
+            self.faults[key] = self.faults.get(key, 0) + 1
+        return self.latch.step(faults)
+
+    def forget(self) -> None:
+        """Forget all stamps."""
+        for name, watch in self.watches.items():
+            self.watches[name] = InputWatch(watch.oldest, watch.future)
+
+    def moved(self, v: float, omega: float, dt: float) -> None:
+        """Move the last static map by a twist driven for dt, s."""
+        if self.last is not None:
+            self.last = self.last.after(v, omega, dt)
+
+
+class StepMonitor(InputMonitor):
+    """Monitor of the inputs of :class:`Stamps`, awaited once they were stamped.
+
+    Args:
+        freshness: Greatest ages, and when a fault ends.
+        dt: Control step, s.
+    """
+
+    def __init__(self, freshness: Freshness, dt: float) -> None:
+        oldest = {name: getattr(freshness, name) for name in INPUTS}
+        latch = Latch(freshness.good_steps(dt), is_open=True)
+        super().__init__(oldest, freshness.future, latch)
+        self.freshness, self._steady = freshness, -math.inf
+        self.awaited.clear()
+
+    def age(self, stamps: Stamps | None, age: float) -> float:
+        """Return the age of a step's obstacles, s.
+
+        Args:
+            stamps: Of the inputs; None: only the age is used.
+            age: Given by the caller, s.
+
+        Raises:
+            FaultError: An input is rejected.
+            InvalidInputError: A number is missing or not finite.
+        """
+        age, found = as_age(age), dict[str, Fault]()
+        if stamps is not None:
+            try:
+                found = self._registered(stamps)
+            except (TypeError, AttributeError) as error:
+                raise InvalidInputError(f"stamps must be Stamps: {error}") from None
+        elif self.awaited:
+            found = dict.fromkeys(self.awaited, Fault.UNSTAMPED)
+        if age > self.freshness.points:
+            found.setdefault("points", Fault.STALE)
+        if found:
+            raise FaultError(found)
+        if stamps is None:
+            return age
+        ages = self.ages(stamps.now, _steady(stamps))
+        return max([age, *(ages[name] for name in self.awaited.intersection(SEEN))])
+
+    def _registered(self, stamps: Stamps) -> dict[str, Fault]:
+        """Register stamps; return the faults by input."""
+        now, steady, found = stamps.now, _steady(stamps), dict[str, Fault]()
+        given = {name: getattr(stamps, name) for name in INPUTS}
+        self.awaited |= {name for name, stamp in given.items() if stamp is not None}
+        if not (math.isfinite(now) and math.isfinite(steady)):
+            raise InvalidInputError("the time of a step must be finite")
+        if stamps.valid < 0.0 or stamps.valid > 1.0:
+            raise InvalidInputError("the share of valid beams must be 0 to 1")
+        went_back, self._steady = steady < self._steady, steady
+        if went_back:
+            self.forget()
+            raise InvalidInputError("the steady clock of the stamps went back")
+        for name, stamp in given.items():
+            watch = self.watches[name]
+            ahead = stamp is not None and stamp > now + watch.future
+            if stamp is not None and (ahead or stamp != watch.stamp):
+                fault = watch.receive(stamp, now, steady)
+                found |= {} if fault is None else {name: fault}
+        found = self.found(now, steady) | found
+        if not self.awaited.intersection(SEEN):
+            found["points"] = Fault.NEVER
+        if not stamps.valid >= self.freshness.valid:
+            # A repeated scan stays blind, regardless of its new share.
+            blind = self.watches["points"].judge(Fault.BLIND)
+            found.setdefault("points", blind)
+        return found
+
+    def allows_after(self, error: BaseException | None) -> bool:
+        """Return whether the robot may drive after a step with or without an error."""
+        faults = error.faults if isinstance(error, FaultError) else {}
+        if error is not None and not faults:
+            faults = {"step": Fault.INVALID}
+        return self.allows(faults)
+
+
+def caught(call: Callable[..., T], /, *given: Any, **named: Any) -> T | BaseException:
+    """Return the result of a call, or its exception; Ctrl-C is raised."""
+    try:
+        return call(*given, **named)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # SystemExit, too: the robot is moving
+        return error
+
+
+def problem_of(error: BaseException) -> str:
+    """Return the message of an error, with its class unless it is qpavoid's."""
+    try:
+        said = str.__str__(str(error))
+    except BaseException:
+        said = ""
+    if isinstance(error, QPAvoidError):
+        return said
+    return f"{type.__dict__['__name__'].__get__(type(error))}: {said}"
+
+
+def _steady(stamps: Stamps) -> float:
+    return monotonic() if stamps.steady is None else stamps.steady
 
 
 def seen_of(given: tuple[Any, ...], named: Mapping[str, Any]) -> Any:

@@ -3,7 +3,7 @@
 A fixed list of candidates covers the passing side, the offset from the reference,
 waiting, turning and backing off. The candidate driven so far is replaced only by one
 that is cheaper by more than the hysteresis. Of two mirror images of equal cost the one
-to the right is taken. If nothing moves, the side of a turn is retained for seconds.
+to the right is taken.
 """
 
 import math
@@ -55,9 +55,6 @@ TRACKED_TICKS = 20.0
 """Ticks of tracking without a comparison when the straight path is free after a stall:
 for a slow robot the cost of proximity exceeds that of standing."""
 
-FINER = ((-0.15, 0.0), (0.15, 0.0), (0.0, 0.15), (0.0, -0.15))
-"""Changes of offset and pace that are tried about the best candidate."""
-
 LESS = 1.0 - 1e-6
 """Relative tolerance of equal costs: mirror images differ by rounding."""
 
@@ -87,13 +84,8 @@ within which it counts as parked. The filter evades as fast as necessary."""
 FASTEST = GREATEST
 """m/s; a pace without effect."""
 
-KIND, A, B, LEFT, SIDE, PACE = range(6)
-"""Layout of the memory: driven candidate, its remaining ticks, remaining ticks of the
-passing side (positive: left), and pace."""
-
-SIDE_TICKS, OTHER = 30.0, 1.5
-"""Ticks for which the passing side is retained if nothing moves; cost factor of the
-other side meanwhile. Before a static obstacle both turns slow down and cost alike."""
+KIND, A, B, LEFT, PACE = range(5)
+"""Layout of the memory: driven candidate, its remaining ticks, and pace."""
 
 NOT_CHOSEN = -1.0
 """Kind: no candidate chosen yet."""
@@ -154,7 +146,7 @@ def choose(course: Course, chosen: Array, waits: bool) -> None:
     if chosen[KIND] == HOLD:
         chosen[LEFT] -= 1.0
         if chosen[LEFT] < 0.5:
-            chosen[KIND] = PARK if ends(course) else TRACK
+            chosen[KIND] = PARK if ends(course.ahead) else TRACK
     best, chosen[PACE] = NONE, gentle_pace(course)
     scene, ahead, law, settings, _ = course
     course = Course(scene, ahead, law, settings, chosen[PACE])
@@ -169,10 +161,6 @@ def choose(course: Course, chosen: Array, waits: bool) -> None:
     if best.kind == NOT_CHOSEN:
         best = cheapest(course, chosen, waits)
     chosen[KIND], chosen[A], chosen[B], chosen[LEFT] = best
-    if still and best.kind == FOLLOW and best.a != 0.0:
-        chosen[SIDE] = math.copysign(SIDE_TICKS, best.a)
-    else:
-        chosen[SIDE] -= min(max(chosen[SIDE], -1.0), 1.0)
 
 
 @compiled_once
@@ -192,13 +180,6 @@ def gentle_pace(course: Course) -> float:
 
 
 @compiled
-def side_share(candidate: Candidate, side: float) -> float:
-    """Return the cost factor of a candidate for its passing side."""
-    aside = candidate.b if candidate.kind == HOLD else candidate.a
-    return OTHER if aside * side < 0.0 else 1.0
-
-
-@compiled
 def has_come(course: Course) -> bool:
     """Return whether the reference rests at its end."""
     begin, end = course.ahead[0], course.ahead[-1]
@@ -207,9 +188,9 @@ def has_come(course: Course) -> bool:
 
 
 @compiled
-def ends(course: Course) -> bool:
+def ends(ahead: Array) -> bool:
     """Return whether the reference ahead ends."""
-    return bool(course.ahead[-1, V] < GOAL_SPEED)
+    return bool(ahead[-1, V] < GOAL_SPEED)
 
 
 @compiled_once
@@ -238,25 +219,16 @@ def cheapest(course: Course, chosen: Array, waits: bool) -> Candidate:
     if chosen[KIND] >= 0.0:
         best = driven_candidate(chosen)
         cost = (1.0 - s.hysteresis) * roll_on(course, best, math.inf)
-    for number in range(0 if ends(course) else 1, FIRST + FOLLOWS + HOLDS):
+    for number in range(0 if ends(course.ahead) else 1, FIRST + FOLLOWS + HOLDS):
         if number == STANDING and not waits:
             continue
         candidate = listed(fastest, number)
-        share = side_share(candidate, chosen[SIDE])
+        share = 1.0
         if number <= STANDING:
             share -= s.hysteresis if number == STANDING else s.preference
         found = share * roll_on(course, candidate, cost / share)
         if found < LESS * cost:
             best, cost = candidate, found
-    if best.kind == FOLLOW:
-        about = best
-        for change in FINER:
-            pace = min(max(about.b + change[1], 0.0), 1.0)
-            candidate = Candidate(FOLLOW, about.a + change[0], pace, 0.0)
-            share = side_share(candidate, chosen[SIDE])
-            found = share * roll_on(course, candidate, cost / share)
-            if found < LESS * cost:
-                best, cost = candidate, found
     return best
 
 

@@ -7,24 +7,36 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.decision import Decision, Status, blocked_if
+from qpavoid.avoidance.decision import Decision, Status
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.inputs import Stamps, as_driven, caught, problem_of
+from qpavoid.avoidance.inputs import Stamps, as_driven, caught
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.errors import InvalidInputError, QPAvoidError
+from qpavoid.errors import InvalidInputError
 from qpavoid.guide.headway import AT_GOAL, Headway, lengths, moves_near, start_row
-from qpavoid.guide.rest import EXACT, JUMP, Rest, beyond_band, is_driven
+from qpavoid.guide.rest import EXACT, JUMP, Bounds, Rest, beyond_band
 from qpavoid.guide.rollout import ROWS, TICK, fill_ahead
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.guide.sight import Sight
 from qpavoid.guide.stage import GuideStage, Tracking, fresh_stage
-from qpavoid.guide.state import CLEAR, SEARCHING, STAGE_MODE, STILL, Progress
+from qpavoid.guide.state import (
+    ACTION,
+    ACTION_SHARE,
+    CLEAR,
+    COUNT,
+    DETOUR,
+    SEARCHING,
+    STAGE_MODE,
+    STILL,
+    Progress,
+)
+from qpavoid.model.contacts import clearance_of
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import TINY, arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
-from qpavoid.model.validation import as_number, as_pose, as_rows
+from qpavoid.model.validation import as_number, as_pose, as_rows, check_finite
 from qpavoid.perception.perception import Perception
+from qpavoid.settings import want
 from qpavoid.tracking.clock import Waiting
 from qpavoid.tracking.kanayama import Gains, Tracker, tracking_error
 from qpavoid.tracking.path import Path, SplinePath
@@ -42,6 +54,14 @@ SAME_PATH = 0.05
 
 STRAYED = 3.0
 """m from the reference beyond which a goal that is sent again is planned anew."""
+
+NEAR_GOAL = 1.5
+"""m; distance of the goal from which on the robot does not drive round one that is
+occupied."""
+
+LEAVE = 3.0
+"""Blocked times after which a robot that was at its goal holds another place while that
+is occupied."""
 
 CHANGED = 0.1
 """m of change in clearance or remaining distance after which a robot that gave up near
@@ -186,8 +206,10 @@ class Guide:
         self._rest = Rest(robot.limits, self.settings.dt)
         self._driven, self._clearance = (0.0, 0.0), math.inf
         self._pose: Pose | None = None
+        self._bounds: Bounds | None = None
         self._mode = float(CLEAR)
         self._resigned: Array | None = None
+        self._arrived = False
         self._from, self._asked = (0.0, 0.0, 0.0), Asked(np.zeros(3), math.inf)
         plan, law = (
             standing(self._from),
@@ -277,10 +299,37 @@ class Guide:
         start, end = as_pose(pose, "pose"), as_pose(goal, "goal")
         self._go(start, Asked(np.array(end), self._as_speed(speed)))
 
-    def stay(self, pose: Pose) -> None:
-        """Stay at a pose, world frame, and return to it after evading."""
+    def stay(
+        self,
+        pose: Pose,
+        *,
+        max_away: float = math.inf,
+        region: npt.ArrayLike | None = None,
+    ) -> None:
+        """Stay at a pose, world frame, and return to it after giving way.
+
+        At the edge of the area the robot stops instead of giving way any farther.
+
+        Args:
+            pose: Station.
+            max_away: Greatest distance of the robot's origin from it, m.
+            region: (n, 2) corners of a polygon, convex or not, world frame, m, that the
+                origin must not leave.
+
+        Raises:
+            InvalidInputError: Numbers that are not finite, a distance that is not
+                positive, or a station outside the region. The previous task is kept.
+        """
         end = as_pose(pose, "pose")
+        corners = np.empty((0, 2)) if region is None else as_rows(region, 2, "a region")
+        want(region is None or len(corners) > 2, "a region needs three corners")
+        check_finite(corners, "a region")
+        away = max_away if max_away == math.inf else as_number(max_away, "max_away")
+        want(away > 0.0, f"max_away must be above 0, not {away:g}")
+        bounds = Bounds(end, away, corners.copy())
+        want(bounds.beyond(*end[:2]) == 0.0, "the station must be inside its region")
         self._go(self._pose or end, Asked(np.array(end), math.inf))
+        self._bounds = bounds
 
     def _go(self, start: Pose, asked: Asked) -> None:
         """Go straight to a goal; at speed 0 stay there."""
@@ -341,13 +390,15 @@ class Guide:
             self._headway.take_over(headway)
         else:
             self._state, self._mode, self._resigned = fresh_stage(), float(CLEAR), None
-            self._rest.forget()
+            self._arrived = False
+            self._rest.begin(speed == math.inf)
         v_min, v_max = max(limits.v_min, -speed), min(limits.v_max, speed)
         limits = replace(limits, v_min=v_min, v_max=v_max)
         tracker = StationTracker(Gains(), StationKeeping(), limits)
         self._path = PathTracking(tracker, Waiting(), self.settings.dt, self._guide)
         self._path.follow(plan, place)
         self._asked, self._slowed, self._law = asked, limits, tracker.array
+        self._bounds = None
         self._start_stage()
 
     def _start_stage(self) -> None:
@@ -364,7 +415,7 @@ class Guide:
         """
         self._safety.reset(v, omega)
         self._driven = as_driven((v, omega), self._limits)
-        self._rest.forget()
+        self._rest.begin(True)
         self._sight.forget()
 
     def left(self, pose: Pose) -> tuple[float, float]:
@@ -387,12 +438,12 @@ class Guide:
         driven: tuple[float, float] | None = None,
         age: float = 0.0,
         stamps: Stamps | None = None,
-        on_error: Literal["raise", "brake"] = "raise",
+        on_error: Literal["brake", "raise"] = "brake",
     ) -> Decision:
         """Return the twist for the coming control step.
 
-        ``blocked`` if the robot has made no progress to the goal for ``blocked_time``,
-        and stands.
+        ``blocked`` if the robot has made no progress to the goal for ``blocked_time``;
+        it may still move, to evade.
 
         Args:
             pose: Of the robot, world frame: x, y (m), γ (rad).
@@ -412,44 +463,35 @@ class Guide:
             InvalidInputError: A number is not finite, or a shape does not fit.
             FaultError: Stamps or age are not valid, or scans are missing.
         """
-        driven, given = self._motors_driven(driven), (obstacles, scan, stamp)
-        if on_error == "brake":
-            found = caught(self._desire, pose, given, driven)
-            if isinstance(found, BaseException):
-                decision = self._safety.brake(problem_of(found), driven)
-            else:
-                told: dict[str, Any] = {"age": age, "stamps": stamps, "driven": driven}
-                decision = self._safety.step(*found, **told)
-        elif on_error == "raise":
-            known = caught(self._safety._watch.age, stamps, age)
-            if isinstance(known, QPAvoidError):
-                raise known
-            if isinstance(known, BaseException):
-                raise InvalidInputError(f"stamps must be Stamps: {known}")
-            v, omega, seen = self._desire(pose, given, driven)
-            decision = self._safety.filter(v, omega, seen, age=known, driven=driven)
+        found: tuple[float, float, Obstacles] | BaseException
+        given: tuple[Any, ...] = pose, (obstacles, scan, stamp), driven
+        told: dict[str, Any] = {"age": age, "stamps": stamps, "driven": driven}
+        if on_error == "raise":
+            found = self._desire(*given)
+        elif on_error == "brake":
+            found = caught(self._desire, *given)
         else:
             raise InvalidInputError("on_error must be 'raise' or 'brake'")
-        self._driven = decision.v, decision.omega
-        if not is_driven(*self._driven, self.robot.limits):
-            self._driven = 0.0, 0.0
-        self._clearance = decision.clearance
+        if isinstance(found, BaseException):
+            decision = self._safety.brake(found, driven)
+        else:
+            decision = self._safety.step(
+                *found, **told, on_error=on_error, accept=self._stays
+            )
+        self._driven, self._clearance = (decision.v, decision.omega), decision.clearance
         if decision.status is Status.INVALID:
-            return decision
-        return blocked_if(decision, self._blocked)
+            self._headway.time = 0.0
+        elif self._blocked:
+            decision = decision._replace(status=Status.BLOCKED)
+        return decision
 
-    def _motors_driven(self, driven: Any) -> Any:
-        """Return the measured twist; inside the dead band the last one commanded.
-
-        There the motors do not move for any command, and accelerations relative to the
-        measured twist would never leave it.
-        """
-        limits, given = self.robot.limits, self._safety._last
-        found = caught(as_driven, driven, self._limits)
-        if limits.dead == (0.0, 0.0) or driven is None or not isinstance(found, tuple):
-            return driven
-        inside = not (is_driven(*found, limits) or is_driven(*given, limits))
-        return given if inside else driven
+    def _stays(self, v: float, omega: float) -> bool:
+        """Return whether a robot that gives way with a twist stays in its area."""
+        bounds, pose = self._bounds, self._pose
+        if bounds is None or pose is None or not self._arrived:
+            return True
+        pose = arc(*pose, *self._driven, self.settings.actuation.delay)
+        return not bounds.is_left(self._limits, pose, (v, omega), self.settings.dt)
 
     def _desire(
         self, pose: Pose, given: tuple[Any, Any, Any], driven: Any
@@ -468,51 +510,72 @@ class Guide:
         if self._path.has_ended:
             at = self._rest.see(at, self._driven, self._end)
         tracking, speed = self._path.step(at, self._driven), self._asked.speed
+        if self._note(at, seen, tracking):
+            error, ahead = (0.0, 0.0, 0.0), np.zeros((ROWS, 5))
+            tracking = tracking._replace(desired=error[:2], error=error, ahead=ahead)
         v = min(max(tracking.desired[0], -speed), speed)
         tracking = tracking._replace(desired=(v, tracking.desired[1]))
-        resigns = self._note(at, seen, tracking)
         progress, v, omega = self._stage(seen, tracking)
-        self._blocked = resigns or progress is Progress.BLOCKED
-        if resigns:
-            return 0.0, 0.0, seen
-        v = min(max(v, -speed), speed)
+        late = self._headway.time >= self._guide.blocked_time
+        self._blocked = late or progress is Progress.BLOCKED
+        v = min(max(v, -speed), speed) if self._stays(v, omega) else 0.0
         return *beyond_band(v, omega, self.robot.limits), seen
 
     def _note(self, at: Pose, seen: Obstacles, tracking: Tracking) -> bool:
         """Register progress to the goal; return whether the robot gives up near it.
 
         Without progress the stage is stalled and searches for a detour, for any motion
-        of the robot; near its goal the robot stands until something changes there.
+        of the robot. Near its goal the robot holds its place: while the goal is
+        occupied, else until something changes there.
         """
         s, headway, state = self._guide, self._headway, self._state
         was, self._mode = self._mode, state[STAGE_MODE]
-        near = moves_near(seen)
-        if near and self._path.has_ended:
-            # A robot that evades at its goal makes no progress to it.
-            headway.restart()
-        headway.note(at, self.settings.dt)
+        ended, near = self._path.has_ended, moves_near(seen)
         e_x, e_y, turn = tracking.error
         off = max(math.hypot(e_x, e_y), abs(turn))
-        at_goal = self._path.has_ended and headway.left < AT_GOAL
-        found = was == SEARCHING and state[STAGE_MODE] != SEARCHING and not at_goal
-        if found or off < (EXACT if self._path.has_ended else s.tolerance):
-            headway.time = 0.0
+        occupied = off >= EXACT and self._is_occupied(at, seen)
+        if near and ended and not occupied:
+            # A robot that evades at its goal makes no progress to it.
+            headway.restart()
+        at_goal = occupied or (ended and headway.left < AT_GOAL)
+        detour = math.inf
+        if state[STAGE_MODE] == DETOUR and not at_goal:
+            detour = state[COUNT] - state[ACTION] - state[ACTION_SHARE]
+        headway.note(at, self.settings.dt, detour)
+        if was == SEARCHING and state[STAGE_MODE] == CLEAR and not at_goal:
+            headway.found()
+        self._arrived |= ended and off < EXACT
+        if off < (EXACT if ended else s.tolerance):
+            headway.restart()
         if state[STAGE_MODE] == SEARCHING:
             state[STILL] = max(state[STILL], headway.time)
-        late = headway.time >= (1.0 if at_goal else 0.5) * s.blocked_time
-        late = (late or self._resigned is not None) and not near
+        least = s.blocked_time if at_goal else 0.5 * s.blocked_time
+        if occupied:
+            least = LEAVE * s.blocked_time if self._arrived else s.stall_time
+        late = headway.time >= least
+        late = (late or self._resigned is not None) and (occupied or not near)
         if late and not at_goal and state[STAGE_MODE] == CLEAR:
             state[STILL] = max(state[STILL], s.stall_time)
-        # Without obstacles a slow robot reaches its goal eventually.
-        hindered = self._clearance < AT_GOAL or self.robot.limits.dead != (0.0, 0.0)
-        if not (late and at_goal and hindered):
+        hindered = self._clearance < AT_GOAL
+        if at_goal and not hindered:  # it turns on the spot, and gets there
+            state[STILL], state[STAGE_MODE] = 0.0, CLEAR
+        hindered |= self.robot.limits.dead != (0.0, 0.0)
+        if not (late and at_goal and (hindered or occupied)):
             self._resigned = None
             return False
         here = np.array([self._clearance, headway.left])
-        if self._resigned is None:
-            self._resigned = here
+        if self._resigned is None or self._driven != (0.0, 0.0):
+            self._resigned = here  # its own motion is no change
         with np.errstate(invalid="ignore"):
             changed = bool((np.abs(here - self._resigned) > CHANGED).any())
-        if changed:
+        if changed and not occupied:
             headway.time, self._resigned = 0.0, None
-        return not changed
+        return occupied or not changed
+
+    def _is_occupied(self, at: Pose, seen: Obstacles) -> bool:
+        """Return whether the robot is near its goal, and an obstacle too near to it."""
+        goal = tracking_error(at, self._end)
+        if math.hypot(goal[0], goal[1]) > NEAR_GOAL:
+            return False
+        there = clearance_of(self.robot.footprint, seen.seen_from(goal).arrays)
+        return there < self.settings.radius.r_min_slow

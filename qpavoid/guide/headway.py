@@ -35,8 +35,15 @@ TURN_WEIGHT = 0.3
 NEAR_DISTANCE, NEAR_TIME = 3.0, 3.0
 """m, and s; a moving obstacle is near if it can be within that distance by then."""
 
+STANDING_SPEED = 0.2
+"""m/s; estimated speed of a standing person while the robot drives."""
+
 PROGRESS_SHARE, PROGRESS_LEAST = 0.5, 0.05
 """Relative and absolute (m) reduction of the length that is progress at the goal."""
+
+
+MOST_PATHS = 3
+"""Detours found since the last progress that count as progress while followed."""
 
 
 def lengths(plan: Array) -> Array:
@@ -73,7 +80,7 @@ def moves_near(seen: Obstacles) -> bool:
         return False
     speeds = np.hypot(rows[:, V_X], rows[:, V_Y])
     ends = np.hypot(rows[:, [X1, X2]], rows[:, [Y1, Y2]])
-    moves = (speeds > 0.0) | (rows[:, TURN] != 0.0)
+    moves = (speeds > STANDING_SPEED) | (rows[:, TURN] != 0.0)
     return bool((moves & (ends.min(axis=1) < NEAR_DISTANCE + NEAR_TIME * speeds)).any())
 
 
@@ -82,7 +89,7 @@ class Headway:
 
     Attributes:
         left: Remaining length, m.
-        time: s since it was last reduced by ``progress``.
+        time: s since it, or the rest of a detour, was last reduced by ``progress``.
 
     Args:
         plan: (n, 5) reference, world frame.
@@ -97,11 +104,21 @@ class Headway:
         self._along, self._xy, self._at = along[rows], plan[rows, :2], along[place]
         self._heading, self._progress = plan[-1, 2], progress
         self.left, self.time, self._best = along[-1] - along[place], 0.0, math.inf
-        self._wait = 0.0
+        self._wait, self._paths, self._detour = 0.0, 0, math.inf
 
-    def note(self, pose: Pose, dt: float) -> None:
-        """Update with the robot's pose after a step of dt, world frame."""
+    def note(self, pose: Pose, dt: float, detour: float = math.inf) -> None:
+        """Update with the robot's pose after a step of dt, world frame.
+
+        ``detour``: remaining actions of a detour; ``inf``: none.
+        """
         self.time, self._wait = self.time + dt, self._wait - dt
+        is_new = detour > self._detour or self._detour == math.inf > detour
+        if detour == math.inf or is_new or detour <= self._detour - 1.0:
+            self._detour = detour
+            if is_new:
+                self.found()
+            elif detour < math.inf and self._paths <= MOST_PATHS:
+                self.time = 0.0
         if self._wait > 0.0:
             return
         self._wait = EVERY
@@ -117,12 +134,19 @@ class Headway:
         if away[-1] < AT_GOAL:
             enough = min(enough, max(PROGRESS_SHARE * self._best, PROGRESS_LEAST))
         if left < self._best - enough:
-            self._best, self.time = left, 0.0
+            self._best, self.time, self._paths = left, 0.0, 0
+
+    def found(self) -> None:
+        """Register a new path, as progress unless there were several without any."""
+        self._paths += 1
+        if self._paths <= MOST_PATHS:
+            self.time = 0.0
 
     def restart(self) -> None:
         """Restart from the present pose."""
-        self.time, self._best = 0.0, math.inf
+        self.time, self._best, self._paths = 0.0, math.inf, 0
 
     def take_over(self, other: "Headway") -> None:
         """Take over the state of the monitor of a plan to about the same goal."""
         self.time, self._best = other.time, max(other._best, self.left)
+        self._paths, self._detour = other._paths, other._detour

@@ -1,39 +1,49 @@
 """Smoothed pose of a parking robot.
 
 Near its goal the pose is the prediction with the driven twist, corrected towards the
-localisation: the mean over :data:`MEAN` s. At rest the robot is driven again only if
-that mean is off by more than the measured noise of the localisation, and than the least
-motion of the motors.
+localisation: the mean over a time T. At rest the robot is driven again only if that
+mean is off by more than its own error, which falls with √T, and than the least motion
+of the motors.
 """
 
 import math
+from typing import NamedTuple
+
+import numpy as np
 
 from qpavoid.guide.steering import AT
-from qpavoid.model.kinematics import arc
-from qpavoid.model.robot import Limits
+from qpavoid.model.kinematics import TINY, arc
+from qpavoid.model.robot import Limits, limit_twist
 from qpavoid.tracking.kanayama import tracking_error
-from qpavoid.types import Pose, Twist
+from qpavoid.types import Array, Pose, Twist
 
 REST_RADIUS = 0.3
 """m from the goal within which poses are smoothed."""
 
-MEAN, FIRST = 3.0, 0.5
-"""s; averaging time; time that a robot at rest near its goal waits for a first mean."""
+MEAN, MEAN_AT_REST, FIRST = 3.0, 20.0, 0.5
+"""s; greatest T while driving, and at rest; time that a robot at rest near its goal
+waits for a first mean."""
+
+NOISE, NOISE_FIRST, NOISE_TIME = (0.02, 0.01), 0.5, 10.0
+"""m and rad; assumed noise of the localisation of a robot that is at rest from the
+beginning, the time for which that counts, and the averaging time, s."""
+
+UNSURE, DRIVEN_UNSURE = 5.0, 0.5
+"""√s; error of the mean at rest, times √T and relative to the noise of the
+localisation, which may be correlated over a second; and the share of the noise within
+which a driven robot has arrived."""
+
+STAYS = 1.25
+"""Hysteresis of arriving and leaving, relative."""
+
+OUTLIER = 6.0
+"""Error of the prediction relative to the noise from which on the robot was moved."""
 
 JUMP = 0.1
-"""m or rad; error of the prediction from which on a pose is no noise: the robot was
-moved."""
-
-SLOW = 0.01, 0.03
-"""m/s and rad/s; measured twist below which the robot is at rest."""
+"""m; the same anywhere on its path."""
 
 EXACT = 1e-6
 """m or rad; tolerance for rounding."""
-
-
-def is_driven(v: float, omega: float, limits: Limits) -> bool:
-    """Return whether a twist, m/s and rad/s, is beyond the dead band."""
-    return abs(v) >= limits.v_dead or abs(omega) >= limits.omega_dead
 
 
 def beyond_band(v: float, omega: float, limits: Limits) -> Twist:
@@ -52,6 +62,51 @@ def beyond_band(v: float, omega: float, limits: Limits) -> Twist:
     return v, omega
 
 
+class Bounds(NamedTuple):
+    """Area that the origin of a robot must not leave while it gives way.
+
+    Attributes:
+        place: Its station, world frame.
+        max_away: Greatest distance from that, m.
+        corners: (n, 2) polygon, convex or not, world frame, m; n = 0: none.
+    """
+
+    place: Pose
+    max_away: float
+    corners: Array
+
+    def beyond(self, x: float, y: float) -> float:
+        """Return the distance of a point from the area, m; 0 inside."""
+        away = max(math.dist((x, y), self.place[:2]) - self.max_away, 0.0)
+        if not len(self.corners):
+            return away
+        a, edge = self.corners - (x, y), np.roll(self.corners, -1, 0) - self.corners
+        b, square = a + edge, np.maximum((edge**2).sum(axis=1), TINY)
+        rises = np.where(edge[:, 1] == 0.0, TINY, edge[:, 1])
+        right = a[:, 0] - a[:, 1] * edge[:, 0] / rises > 0.0
+        if ((((a[:, 1] > 0.0) != (b[:, 1] > 0.0)) & right).sum() % 2) == 1:
+            return away
+        share = np.clip(-(a * edge).sum(axis=1) / square, 0.0, 1.0)
+        return max(away, float(np.hypot(*(a + share[:, None] * edge).T).min()))
+
+    def is_left(self, robot: Array, pose: Pose, twist: Twist, dt: float) -> bool:
+        """Return whether a robot that drives a twist, then stops, gets farther out.
+
+        Args:
+            robot: See :attr:`qpavoid.model.robot.Robot.limit_vector`.
+            pose: World frame.
+            twist: m/s and rad/s, driven for dt.
+            dt: Control step, s.
+        """
+        most = self.beyond(*pose[:2]) + EXACT
+        while twist != (0.0, 0.0):
+            pose = arc(*pose, *twist, dt)
+            if self.beyond(*pose[:2]) > most:
+                return True
+            twist = limit_twist(robot, (0.0, 0.0), twist, dt)
+        return False
+
+
 class Rest:
     """Smoothed pose of a robot that parks.
 
@@ -62,16 +117,27 @@ class Rest:
 
     def __init__(self, limits: Limits, dt: float) -> None:
         v_dead, omega_dead = limits.dead
-        self._dt, self._level = dt, (AT + dt * v_dead, AT + dt * omega_dead)
+        v_dead, omega_dead = limits.dead
+        self._dt, self._least = dt, (AT + dt * v_dead, AT + dt * omega_dead)
+        self.begin(True)
+
+    def begin(self, rests: bool) -> None:
+        """Begin with a robot that rests at its goal, or drives to it."""
+        self._squares: tuple[float, ...] = 0.0, 0.0
+        self._steps, self._there, self._rests = 0, rests, rests
+        if rests:
+            self._squares = NOISE[0] ** 2, NOISE[1] ** 2
+            self._steps = math.ceil(NOISE_FIRST / self._dt)
         self.forget()
 
     def forget(self) -> None:
-        """Reset all poses."""
+        """Forget all poses, but not their noise."""
         self._pose, self._count = (0.0, 0.0, 0.0), 0
-        self._squares: tuple[float, ...] = 0.0, 0.0
 
     def see(self, pose: Pose, driven: Twist, place: Pose) -> Pose:
-        """Return the pose for control; ``place`` itself if the robot is to rest.
+        """Return the pose for control.
+
+        ``place`` if the robot is to rest, its position if the robot is only to turn.
 
         Args:
             pose: Localised, world frame.
@@ -79,33 +145,44 @@ class Rest:
             place: Goal, world frame.
         """
         if math.dist(pose[:2], place[:2]) > REST_RADIUS:
-            self.forget()
+            self.begin(False)
             return pose
         self._smooth(pose, driven)
         e_x, e_y, turn = tracking_error(self._pose, place)
-        far, (level, turn_level) = math.hypot(e_x, e_y), self._level
-        if abs(driven[0]) < SLOW[0] and abs(driven[1]) < SLOW[1]:
-            noise, turn_noise = map(math.sqrt, self._squares)
-            level, turn_level = level + noise, turn_level + 2.0 * turn_noise
-            if self._count * self._dt < FIRST:
-                level = turn_level = JUMP
-        return place if far < level and abs(turn) < turn_level else self._pose
+        time = self._count * self._dt
+        wide = (1.0, DRIVEN_UNSURE), (STAYS, UNSURE / math.sqrt(time))
+        level, turn_level = (
+            wide[is_at][0] * least + wide[is_at][1] * math.sqrt(square)
+            for is_at, least, square in zip(
+                (self._there, self._rests), self._least, self._squares, strict=True
+            )
+        )
+        waits = self._rests and time < FIRST
+        self._there = waits or math.hypot(e_x, e_y) < level
+        is_turned = waits or abs(turn) < turn_level
+        self._rests = self._there and is_turned
+        if self._rests:
+            return place
+        return (*place[:2], self._pose[2]) if self._there else self._pose
 
     def _smooth(self, pose: Pose, driven: Twist) -> None:
         """Update the mean with a pose, and the noise with its error."""
         told = arc(*self._pose, *driven, self._dt)
         e_x, e_y, turn = tracking_error(told, pose)
-        off = math.hypot(e_x, e_y)
-        if max(off, abs(turn)) > JUMP:
+        squares = 0.5 * (e_x * e_x + e_y * e_y), turn * turn
+        bounds = (OUTLIER**2 * x + EXACT**2 for x in self._squares)
+        moved = any(x > y for x, y in zip(squares, bounds, strict=True))
+        if moved and min(self._count, self._steps) * self._dt > FIRST:
             self.forget()
-        self._count += 1
-        if self._count == 1 or max(off, abs(turn)) < EXACT:
-            self._pose = pose
-            return
-        share = 1.0 / min(self._count, MEAN / self._dt)
+        most = (MEAN_AT_REST if self._rests else MEAN) / self._dt
+        self._count = min(self._count + 1, math.ceil(most))
+        share = 1.0 / self._count
         x, y = (a + share * (b - a) for a, b in zip(told[:2], pose[:2], strict=True))
-        self._pose, squares = (x, y, told[2] + share * turn), (0.5 * off * off, turn**2)
+        self._pose = (x, y, told[2] + share * turn) if share < 1.0 else pose
+        if share == 1.0:
+            return
+        self._steps = min(self._steps + 1, math.ceil(NOISE_TIME / self._dt))
         self._squares = tuple(
-            old + share * (new - old)
+            old + (new - old) / self._steps
             for old, new in zip(self._squares, squares, strict=True)
         )

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from qpavoid.avoidance.inputs import Fault, FaultError
+from qpavoid.avoidance.inputs import FaultError, InputWatch
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.perception.perception import Perception
@@ -35,7 +35,7 @@ class Sight:
 
     def forget(self) -> None:
         """Expect scans only after the next one."""
-        self._valid, self._blind = -math.inf, math.inf
+        self._watch, self._time = InputWatch(LONGEST_BLIND, math.inf), 0.0
 
     def see(self, pose: Pose, given: Any, scan: Any, stamp: Any) -> Obstacles:
         """Return the given obstacles, or those perceived.
@@ -45,25 +45,25 @@ class Sight:
         Raises:
             FaultError: No scan has been new and valid for :data:`LONGEST_BLIND`.
         """
-        none = isinstance(given, tuple) and not given
-        expected = math.isfinite(self._valid)
+        none, watch = isinstance(given, tuple) and not given, self._watch
+        expected = math.isfinite(watch.stamp)
         if scan is None and stamp is None and not (none and expected):
             return given if isinstance(given, Obstacles) else Obstacles(given)
         want(none, "a step has obstacles, or else a scan or its stamp, not both")
         if self.perception is None:
             self.perception = Perception(self.robot)
+        self._time += self._dt  # counted: a scan may come again with its old stamp
         time, perception = math.nan if stamp is None else stamp, self.perception
         if scan is not None:
             seen = perception.update(scan, time, pose)
         else:
             if stamp is None:
-                time = self._valid + self._blind + self._dt
+                time = watch.stamp + watch.age(watch.stamp, self._time)
             seen = perception.obstacles(time, pose)
-        new, self._valid = perception.last_valid > self._valid, perception.last_valid
-        self._blind = 0.0 if new else self._blind + self._dt
-        # Counted by steps, too: a scan may come again with its old stamp.
-        blind = max(self._blind, 0.0 if stamp is None else time - self._valid)
-        if blind > LONGEST_BLIND:
-            never = math.isinf(self._valid)
-            raise FaultError({"scan": Fault.NEVER if never else Fault.STALE})
+        if perception.last_valid != watch.stamp:
+            watch.stamp = -math.inf  # of another clock, if it went back
+            watch.receive(perception.last_valid, time, self._time)
+        fault = watch.fault(time, self._time)
+        if fault is not None:
+            raise FaultError({"scan": fault})
         return seen

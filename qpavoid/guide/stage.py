@@ -38,6 +38,7 @@ from qpavoid.guide.choice import (
     PACE,
     choose,
     driven_candidate,
+    ends,
     stand_still,
     track_on,
     twist_of,
@@ -76,6 +77,7 @@ from qpavoid.guide.state import (
     note_motion,
     way_room,
 )
+from qpavoid.guide.steering import X, Y
 from qpavoid.guide.way import Search, field_in, find_way, search_size
 from qpavoid.model.contacts import most_contacts
 from qpavoid.model.obstacles import Obstacles
@@ -299,7 +301,11 @@ def _look(
     """Check the obstacles: resume tracking, retain the path, or search another one."""
     s, error = settings[0], tracking.error
     moving = abs(tracking.v_r) > REFERENCE_RESTS
-    there, x, y = _target(field, s.clearance, error, moving)
+    most = math.inf if moving else 0.0
+    if moving and ends(tracking.ahead):
+        begin, end = tracking.ahead[0], tracking.ahead[-1]
+        most = math.sqrt((end[X] - begin[X]) ** 2 + (end[Y] - begin[Y]) ** 2)
+    there, x, y = _target(field, s.clearance, error, most)
     straight = there and abs(math.atan2(y, x)) < STRAIGHT_WITHIN
     if straight and line_room(field, x, y, error[2]) >= s.clearance:
         track_on(state[CHOSEN:WAY])
@@ -347,22 +353,24 @@ def _goes_on(state: Array, field: Field, settings: Settings) -> bool:
 
 @compiled_once
 def _target(
-    field: Field, clearance: float, error: Pose, moving: bool
+    field: Field, clearance: float, error: Pose, most: float
 ) -> tuple[bool, float, float]:
     """Return whether there is a free target pose, and its position, robot frame, m.
 
-    The reference itself or, if that moves, the first free point ahead of it, and ahead
-    of the robot, straight along its heading.
+    The reference itself or, up to ``most`` m, the first free point ahead of it, and
+    ahead of the robot, straight along its heading.
     """
     e_x, e_y, e_gamma = error
     cos, sin = math.cos(e_gamma), math.sin(e_gamma)
     passed = -(e_x * cos + e_y * sin)
-    start = passed + PAST_REFERENCE if moving and passed > 0.0 else 0.0
-    steps = math.ceil(2.0 * field.half / CELL) if moving else 1
-    for k in range(steps):
-        x, y = e_x + (start + k * CELL) * cos, e_y + (start + k * CELL) * sin
+    start = passed + PAST_REFERENCE if passed > 0.0 else 0.0
+    for k in range(math.ceil(2.0 * field.half / CELL)):
+        ahead = min(start + k * CELL, most)
+        x, y = e_x + ahead * cos, e_y + ahead * sin
         if pose_room(field, x, y, e_gamma) >= clearance:
             return True, x, y
+        if ahead == most:
+            break
     return False, e_x, e_y
 
 

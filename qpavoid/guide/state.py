@@ -57,7 +57,7 @@ CLEAR, SEARCHING, DETOUR, BACKING, NO_PATH = range(5)
     CHOICE_DUE,  # control steps until the candidates are scored again
     CHOSEN,  # the candidate that is driven
     WAY,  # the first action
-) = (0, 1, 2, 5, 6, 9, 10, 11, 12, 13, 14, 15, 16, 17, 23)
+) = (0, 1, 2, 5, 6, 9, 10, 11, 12, 13, 14, 15, 16, 17, 22)
 STATE_SIZE = WAY + MOST_ACTIONS
 
 BACK_TIME, MOST_BACKS = 3.0, 2

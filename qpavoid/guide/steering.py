@@ -9,7 +9,7 @@ import math
 
 from qpavoid.compiled import compiled_once
 from qpavoid.model.kinematics import Frame, wrap_angle
-from qpavoid.model.robot import limits_of
+from qpavoid.model.robot import RobotLimits, limits_of
 from qpavoid.types import Array, Pair, Pose, Twist
 
 X, Y, HEADING, V, OMEGA = range(5)
@@ -104,6 +104,13 @@ def follow_twist(
 
 
 @compiled_once
+def turn_in(turn: float, limits: RobotLimits) -> float:
+    """Return ω towards a heading, rad/s, from which half the deceleration stops."""
+    omega = min(TURN_IN * abs(turn), math.sqrt(limits.angular_acceleration * abs(turn)))
+    return math.copysign(min(omega, limits.omega_max, TOP_TWIST), turn)
+
+
+@compiled_once
 def park_twist(robot: Array, goal: Pose) -> Twist:
     """Return the twist towards a pose at rest: turn to it, drive there, turn.
 
@@ -114,19 +121,19 @@ def park_twist(robot: Array, goal: Pose) -> Twist:
         goal: Robot frame, m, m, rad.
     """
     (x, y, turn), limits = goal, limits_of(robot)
-    way, most, ahead = math.sqrt(x * x + y * y), min(limits.omega_max, TOP_TWIST), 1.0
+    way, ahead = math.sqrt(x * x + y * y), 1.0
     if way < AT:
         turn = wrap_angle(turn)
         if abs(turn) < AT:
             return 0.0, 0.0
-        return 0.0, min(max(TURN_IN * turn, -most), most)
+        return 0.0, turn_in(turn, limits)
     bearing = math.atan2(y, x)
     behind = wrap_angle(bearing + math.pi)
     turns = abs(bearing) + abs(wrap_angle(turn - bearing))
     back = abs(behind) + abs(wrap_angle(turn - behind))
     if limits.v_min < 0.0 and back < turns - SAME_TURNS:
         bearing, ahead = behind, -1.0
-    omega = min(max(TURN_IN * bearing, -most), most)
+    omega = turn_in(bearing, limits)
     if abs(bearing) > TURN_FROM:
         return 0.0, omega
     fastest = min(limits.v_max if ahead > 0.0 else -limits.v_min, TOP_TWIST)

@@ -37,10 +37,10 @@ class Limits:
         wheel_speed: w_max, m/s over ground: |v ± ω b/2| ≤ w_max.
         track: b, distance between the wheels, m.
         v_dead: Dead band of the motors, m/s: a twist with |v| < v_dead and
-            |ω| < omega_dead does not move the robot. The guide commands only zero
-            within it, and what the accelerations need to pass through it; the filter
-            and the other methods do not use the dead band.
-        omega_dead: Dead band of the yaw rate, rad/s.
+            |ω| < omega_dead does not move the robot. Filter and guide command no such
+            twist but zero; the other methods do not use the dead band.
+        omega_dead: Dead band of the yaw rate, rad/s. If only one is given, the other
+            component moves the robot unless it is 0.
 
     Raises:
         InvalidInputError: The box holds no zero twist or no other, a limit is not
@@ -78,6 +78,16 @@ class Limits:
     def dead(self) -> Twist:
         """Dead band of the motors, m/s and rad/s."""
         return self.v_dead, self.omega_dead
+
+    def moves(self, v: float, omega: float) -> bool:
+        """Return whether a twist other than zero is beyond the dead band."""
+        moves_on = abs(v) >= self.v_dead and v != 0.0
+        return moves_on or (abs(omega) >= self.omega_dead and omega != 0.0)
+
+    def within_band(self, v: float, omega: float) -> Twist:
+        """Return the nearest twist of the dead band with its edge."""
+        v_dead, omega_dead = self.dead
+        return min(max(v, -v_dead), v_dead), min(max(omega, -omega_dead), omega_dead)
 
     @property
     def numbers(self) -> tuple[float, ...]:

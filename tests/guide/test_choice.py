@@ -17,8 +17,6 @@ from qpavoid.guide.choice import (
     LEFT,
     NOT_CHOSEN,
     PACE,
-    SIDE,
-    SIDE_TICKS,
     choose,
     driven_candidate,
     track_on,
@@ -208,30 +206,12 @@ def test_what_was_chosen_is_left_only_for_what_is_clearly_cheaper():
     choose(course(world), chosen, False)
     assert driven_candidate(chosen).a < 0.0
     left = mirror(driven_candidate(chosen))
-    chosen[:] = *left, 0.0, 0.0
+    chosen[:] = *left, 0.0
     choose(course(world), chosen, False)
     assert driven_candidate(chosen).a > 0.0
-    chosen[:] = *left, 0.0, 0.0
+    chosen[:] = *left, 0.0
     choose(course(world, guide=GuideSettings(hysteresis=0.0)), chosen, False)
     assert driven_candidate(chosen).a < 0.0
-
-
-def test_a_side_is_kept_for_seconds_where_nothing_moves():
-    """Regression: the robot turned right, then passed on the left."""
-    nearer_left, chosen = qp.Obstacles(discs=[(2.0, -0.02, 0.3)]), nothing()
-    choose(course(nearer_left), chosen, False)
-    assert driven_candidate(chosen).a > 0.0 and chosen[SIDE] == SIDE_TICKS
-    chosen[:] = *Candidate(TRACK, 0.0, 1.0, 0.0), -SIDE_TICKS, 0.0
-    choose(course(nearer_left), chosen, False)
-    assert driven_candidate(chosen).a < 0.0
-    moving = qp.Obstacles(discs=[(2.0, -0.02, 0.3)], disc_velocities=[(0.0, 0.02)])
-    chosen[:] = nothing()
-    choose(course(moving), chosen, False)
-    assert driven_candidate(chosen).kind == FOLLOW and chosen[SIDE] == 0.0
-    chosen[SIDE] = SIDE_TICKS
-    for _ in range(round(SIDE_TICKS)):
-        choose(course(qp.Obstacles()), chosen, False)
-    assert chosen[SIDE] == 0.0
 
 
 def test_tracking_that_is_set_is_not_weighed_until_something_moves():

@@ -6,7 +6,6 @@ import shapely
 from test_choice import ROBOT, course, straight
 
 from boxes import RADIUS, box
-from qpavoid.guide.choice import listed, side_share
 from qpavoid.guide.geodesic import Goal, cells_of, geodesic
 from qpavoid.guide.rollout import ROWS, parking
 from qpavoid.guide.room import AMPLE, GRID_PITCH, Field, new_field, outline
@@ -139,8 +138,3 @@ def test_a_point_ahead_of_a_straight_reference_goes_on_straight(way):
     assert 3 * step + way - 1e-9 <= x <= 3 * step + way + step
     if way > step * ROWS:
         assert x == pytest.approx(3 * step + way)
-
-
-@pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_to_park_to_track_and_to_stand_have_no_side(side):
-    assert [side_share(listed(1.0, number), side) for number in (0, 1, 2)] == [1.0] * 3

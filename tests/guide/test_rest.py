@@ -30,15 +30,6 @@ def park(limits, begin, goal, seconds, **more):
     return np.array(rows)[-round(60.0 / dt) :]
 
 
-@pytest.mark.parametrize("begin", [(0.0, 0.0, 0.0), (-1.0, 0.3, 0.4)])
-@pytest.mark.parametrize("sigma", [0.002, 0.005, 0.02])
-def test_under_localisation_noise_it_rests_at_its_place(sigma, begin):
-    noise = np.random.default_rng(2).normal(0.0, [sigma, sigma, 0.4 * sigma], (800, 3))
-    rows = park(LIMITS, begin, (0.0, 0.0, 0.0), 75.0, noise=lambda k: noise[k // 2])
-    assert 0.05 * np.abs(rows[:, 2]).sum() < 0.05
-    assert rows[:, 0].max() < max(0.012, sigma) and rows[-1, 1] < 0.03
-
-
 @pytest.mark.parametrize("away", [0.04, 0.2, 0.6])
 def test_pushed_away_it_comes_back(away):
     push = lambda k: (0.0, -away if k > 200 else 0.0, 0.0)  # noqa: E731
@@ -136,17 +127,3 @@ def test_where_nothing_is_near_a_slow_robot_comes_back(v_min, turning):
         rows = park(limits, begin, (0.0, 0.0, 0.0), 120.0)
         assert rows[-1, 0] < 0.02 and rows[-1, 1] < math.radians(2.0)
         assert not rows[:, 4].any()
-
-
-def test_motors_with_a_dead_band_that_are_measured_start():
-    """Wheels that turn from 0.08 m/s on, in steps of 0.02 m/s, measured as at rest."""
-    limits = replace(LIMITS, v_dead=0.08, omega_dead=0.4)
-    settings = qp.AvoidanceSettings(dt=0.02)
-    robot = qp.Robot("cart", qp.Footprint.rectangle(0.6, 0.45), limits)
-    guide, pose, driven = qp.Guide(robot, settings), (0.0, 0.0, 0.0), (0.0, 0.0)
-    guide.go_to(pose, (3.0, 0.0, 0.0), 0.4)
-    for _ in range(600):
-        v, omega, *_ = guide.step(pose, driven=driven)
-        driven = (v, omega) if abs(v) >= 0.08 or abs(omega) >= 0.4 else (0.0, 0.0)
-        pose = arc(*pose, *driven, 0.02)
-    assert math.dist(pose[:2], (3.0, 0.0)) < 0.05

@@ -171,17 +171,17 @@ def test_on_error_it_brakes_or_raises_as_the_filter_does():
     ):
         guide, speed, good = at_speed()
         with pytest.raises(QPAvoidError):
-            guide.step(pose, seen, **({"stamps": good} | more))
+            guide.step(pose, seen, on_error="raise", **({"stamps": good} | more))
         guide, speed, good = at_speed()
         more = {"stamps": good} | more
-        braked = guide.step(pose, seen, on_error="brake", **more)
+        braked = guide.step(pose, seen, **more)
         assert braked.status is qp.Status.INVALID and braked.problem
         assert 0.0 <= braked.v < speed
-        after = guide.step((0.8, 0.0, 0.0), (), on_error="brake", stamps=good)
+        after = guide.step((0.8, 0.0, 0.0), (), stamps=good)
         assert after.status is qp.Status.INVALID and after.v < speed
         assert guide.safety.faults
     with pytest.raises(FaultError):
-        at_speed()[0].step((0.8, 0.0, 0.0), (), stamps=late)
+        at_speed()[0].step((0.8, 0.0, 0.0), (), stamps=late, on_error="raise")
     with pytest.raises(InvalidInputError, match="on_error"):
         guide.step((0.8, 0.0, 0.0), on_error="stop")
 

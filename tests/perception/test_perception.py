@@ -436,7 +436,7 @@ def test_a_guide_without_valid_scans_stops(failed):
     assert last[:2] == (0.0, 0.0)
     assert last.status is qp.Status.INVALID and "scan: stale" in last.problem
     with pytest.raises(qp.QPAvoidError, match="scan: stale"):
-        guide.step(pose, **given)
+        guide.step(pose, **given, on_error="raise")
 
 
 def test_a_step_without_a_scan_has_the_obstacles_known_so_far():
@@ -449,4 +449,4 @@ def test_a_step_without_a_scan_has_the_obstacles_known_so_far():
 def test_a_guide_that_expects_scans_does_not_drive_before_the_first():
     guide = qp.Guide(ROBOT, perception=qp.Perception(ROBOT))
     with pytest.raises(qp.QPAvoidError, match="scan: never seen"):
-        guide.step((0.0, 0.0, 0.0), stamp=0.0)
+        guide.step((0.0, 0.0, 0.0), stamp=0.0, on_error="raise")
