@@ -106,6 +106,11 @@ class Frames:
         lever = there.translation - here.translation
         return Transform(rotation, here.rotation.T @ lever)
 
+    def mover(self, base: str) -> str:
+        """Return the first frame from a base upwards that moves on its parent."""
+        links = [(name, self._links.get(name)) for name in self._above(_name(base))]
+        return next((k for k, x in links if x and x.times[0] > -math.inf), base)
+
     def _above(self, name: str) -> list[str]:
         """Return a frame and its ancestors; a cycle ends where it closes."""
         found = [name]

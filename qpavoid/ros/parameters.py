@@ -14,9 +14,11 @@ import numpy as np
 from qpavoid.avoidance.inputs import Freshness
 from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
 from qpavoid.errors import InvalidInputError, UnknownNameError
+from qpavoid.guide.settings import GuideSettings
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.ros.guard import GuardSetup
+from qpavoid.ros.modes import DriveSettings
 from qpavoid.ros.perceiver import NodePerception
 from qpavoid.settings import declared, want
 
@@ -27,6 +29,8 @@ TABLES: dict[str, type[Any]] = {
     "filter": AvoidanceSettings,
     "freshness": Freshness,
     "perception": NodePerception,
+    "guide": GuideSettings,
+    "drive": DriveSettings,
     "robot": Limits,
 }
 """Tables that can be changed at run time."""
@@ -98,7 +102,8 @@ def setup_of(values: Mapping[str, Any], robot: Robot, dt: float) -> GuardSetup:
     robot = replace(robot, footprint=footprint, limits=_made("robot", values))
     parts = {name: _made(name, values) for name in PARTS}
     settings = _made("filter", values, dt=dt, **parts)
-    rest = (_made(name, values) for name in ("freshness", "perception"))
+    tables = "freshness", "perception", "guide", "drive"
+    rest = (_made(name, values) for name in tables)
     return GuardSetup(robot, settings, *rest)
 
 

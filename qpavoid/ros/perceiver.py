@@ -116,6 +116,13 @@ class Perceiver:
             return NO_OBSTACLES
         return self.perception.obstacles(now, pose)
 
+    def place_of(self, number: int) -> Array | None:
+        """Return the place (2,) of a track in the odometry frame; None without it."""
+        if number < 0 or self.perception is None:
+            return None
+        known = {one.name: one.position for one in self.perception.explain().tracks}
+        return np.array(known[number]) if number in known else None
+
     def explain(self) -> Explanation | None:
         """Return map and tracks after the last message; None if none is in the map."""
         if self.perception is None or not self.taken:
