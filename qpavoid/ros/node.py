@@ -113,7 +113,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         told = ParameterDescriptor(read_only=fixed)
         if not isinstance(default, tuple):
             return self.declare_parameter(name, default, told).value
-        numbers = name.endswith(("frame_poses", "mask_boxes_m", SHAPE))
+        numbers = name in ("frame_poses", "mask_boxes_m", "dock_m", SHAPE)
         kind = Parameter.Type.DOUBLE_ARRAY if numbers else Parameter.Type.STRING_ARRAY
         given = self.declare_parameter(name, kind, told).value
         return default if given is None else tuple(filter(lambda x: x != "", given))
@@ -256,7 +256,8 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         if guard is None:
             return
         self._due = steady + self._run.dt_s
-        driven = guard.trail.twist if self._run.driven_from_odometry else None
+        measured = self._run.driven_from_odometry or guard.wiring.role == "guide"
+        driven = guard.trail.twist if measured else None
         try:
             step = guard.step(now, steady, driven)
         except Exception as error:

@@ -47,7 +47,8 @@ class Running(NamedTuple):
         robot_preset: As in scenario files.
         stamped: Commands are TwistStamped, in and out; else Twist.
         tf: Listen to ``/tf`` and ``/tf_static`` for frames that are not named.
-        driven_from_odometry: Odometry's twist is the filter's ``driven``.
+        driven_from_odometry: Odometry's twist is the filter's ``driven``, as it always
+            is in the guide role.
         autostart: Configure and activate at the start.
     """
 
