@@ -355,6 +355,7 @@ class Guard:
         self.latch.steps = fresh.good_steps(dt)
         self._sent: Array | None = None
         self._course, self._is_free = math.nan, True
+        self._docked: Array | None = None
         self._follow = Follow(drive, setup.robot.footprint, dt)
         self.guide, self.safety = None, SafetyFilter(setup.robot, setup.settings)
         if wired.role == "guide" or drive.mode == "teleop":
@@ -539,7 +540,7 @@ class Guard:
         back = relative(self.trail.at(stamp), ORIGIN)
         for points in (*self._unknown.values(), *self._ground.values()):
             points[:] = to_world(to_world(points, back), pose)
-        self.trail, self._scanned = Trail(), {}
+        self.trail, self._scanned, self._docked = Trail(), {}, None
         self.perceiver.forget()
         self._jumped[self.wiring.odometry] = Fault.JUMPED
         said = f"{leg.length:.3g} m, {leg.turn:.3g} rad in {leg.time:.3g} s"
@@ -666,9 +667,11 @@ class Guard:
             return asked
         try:
             dock = Poses(now, self.wiring.dock_frame, np.zeros((1, 3)))
-            x, y, heading = self._on_ground(dock)[0].tolist()
+            self._docked = self._on_ground(dock)[0]
         except InvalidInputError as error:
-            return asked._replace(note=f"nothing is exempt: {error}")
+            if self._docked is None:
+                return asked._replace(note=f"nothing is exempt: {error}")
+        x, y, heading = self._docked.tolist()
         places = to_world(middles(asked.obstacles), pose)
         places = to_world(places, relative((x, y, heading), ORIGIN))
         region = self.wiring.dock

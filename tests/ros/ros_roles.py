@@ -132,7 +132,7 @@ class Simulation(Peer):
         super().__init__(domain, heard=heard)
         self.goals = self._writer("goal_pose", PoseStamped, SURE)
         self.tf = self._writer("tf", TFMessage, SURE)
-        self.asked = None
+        self.asked, self.shift = None, 0.0
 
     def _on_feedback(self, _, status):
         self.feedback = status.message, {one.key: one.value for one in status.values}
@@ -151,14 +151,17 @@ class Simulation(Peer):
         for k in range(round(seconds * RATE)):
             twist = (0.0, 0.0) if held or not self.twists else self.twists[-1][1:]
             self.world.drive(*twist, 1.0 / RATE)
-            self.pose, self.twist = tuple(self.world.pose.tolist()), twist
+            x, y, heading = self.world.pose.tolist()
+            self.pose, self.twist = (x + self.shift, y, heading), twist
             self.least = np.minimum(self.least, self.world.clearances())
             speeds.append(twist[0])
             noisy = self.world.ranges(self.beams, noise=0.005, rng=self.rng)
             self.odom()
             self.scan(ranges=noisy.tolist())
             if k % 10 == 0:
-                still = Transform(Vector3(4.0, 0.0, 0.0), Quaternion(0, 0, 0, 1))
+                still = Transform(
+                    Vector3(4.0 + self.shift, 0.0, 0.0), Quaternion(0, 0, 0, 1)
+                )
                 header = Header(as_time(time.time()), "odom")
                 self.tf.write(TFMessage([TransformStamped(header, "dock", still)]))
             if self.asked is not None:
@@ -185,13 +188,17 @@ class Simulation(Peer):
         return json.loads(said.splitlines()[-1])
 
     def begin(self, walls=ROOM, people=(), pose=(-3.0, 0.0, 0.0), **values):
-        """Set mode and world; the pose jumps, and with it the map begins anew."""
+        """Set mode and world; the pose jumps, so that the map begins anew."""
         self.asked = (0.0, 0.0)
         told = self.client(SETS, json.dumps(values)) if values else []
         self.world.__init__(walls, people, pose)
+        self.shift, self.least, self.world.people[:, 3:] = (
+            self.shift + 50.0,
+            np.inf,
+            0.0,
+        )
         self.run(2.0)
-        self.world.people[:, :2] = np.reshape(people, (-1, 5))[:, :2]
-        self.least = np.inf
+        self.world.people = np.reshape(people, (-1, 5)).astype(float)
         return told
 
 
@@ -232,7 +239,7 @@ def teleop(peer):
     peer.run(9.0)
     x, _, heading = peer.world.pose.tolist()
     found["box"] = {"x": x, "heading": heading, "least": float(peer.least.min())}
-    peer.begin(people=[(0.5, -2.5, 0.25, 0.0, 0.8)])
+    peer.begin(people=[(0.5, -3.2, 0.25, 0.0, 0.8)])
     peer.asked = (0.8, 0.0)
     speeds = peer.run(6.0)
     found["person"] = {"slow": min(speeds[40:]), "then": speeds[-1]}
