@@ -8,9 +8,6 @@ from rclpy.task import Future
 from qpavoid.avoidance.decision import Status
 from qpavoid.ros.guard import Guard, GuardStep
 
-ARRIVED, CANCELED, BLOCKED, REPLACED = "arrived", "canceled", "blocked", "replaced"
-"""Ends of an action."""
-
 
 class FollowPathServer:
     """Server of ``nav2_msgs/action/FollowPath`` for the guide role.
@@ -48,7 +45,7 @@ class FollowPathServer:
     async def _follow(self, goal: Any) -> Any:
         """Follow the path of a goal until it ends."""
         if self._end is not None and not self._end.done():
-            self._end.set_result(REPLACED)
+            self._end.set_result("replaced")
         result = self._kind.Result()
         refused = self._guard.task("path", goal.request.path)
         if refused:
@@ -58,14 +55,14 @@ class FollowPathServer:
             return result
         self._goal, self._end = goal, Future()
         why = await self._end
-        if why == ARRIVED:
+        if why == "arrived":
             goal.succeed()
-        elif why == CANCELED:
+        elif why == "canceled":
             goal.canceled()
         else:
             self._say(result, "FAILED_TO_MAKE_PROGRESS", why)
             goal.abort()
-        if why in (CANCELED, BLOCKED):
+        if why in ("canceled", "blocked"):
             self._guard.rest()
         return result
 
@@ -74,11 +71,11 @@ class FollowPathServer:
         if self._end is None or self._end.done():
             return
         if self._goal.is_cancel_requested:
-            self._end.set_result(CANCELED)
+            self._end.set_result("canceled")
         elif self._guard.has_arrived:
-            self._end.set_result(ARRIVED)
+            self._end.set_result("arrived")
         elif step.decision is not None and step.decision.status is Status.BLOCKED:
-            self._end.set_result(BLOCKED)
+            self._end.set_result("blocked")
         else:
             feedback = self._kind.Feedback(speed=float(step.v))
             feedback.distance_to_goal = float(self._guard.left[0])

@@ -23,42 +23,9 @@ from qpavoid.model.obstacles import NO_OBSTACLES, Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.model.trail import Trail, placed, relative
 from qpavoid.model.transform import Transform
+from qpavoid.ros import mask, messages, modes
 from qpavoid.ros.frames import Frames
-from qpavoid.ros.mask import (
-    RECORDED,
-    SPACING,
-    Flags,
-    OwnPlaces,
-    border,
-    hidden,
-    in_boxes,
-    unknown_sectors,
-    within,
-)
-from qpavoid.ros.messages import (
-    Fan,
-    Poses,
-    Sight,
-    Tracks,
-    read_cloud,
-    read_grid,
-    read_odometry,
-    read_polygon,
-    read_poses,
-    read_scan,
-    read_tracks,
-    read_twist,
-    seconds,
-)
-from qpavoid.ros.modes import (
-    LINE,
-    DriveSettings,
-    Follow,
-    Request,
-    docking,
-    is_free,
-    middles,
-)
+from qpavoid.ros.messages import Fan, Poses, Sight, Tracks
 from qpavoid.ros.perceiver import NodePerception, Perceiver
 from qpavoid.settings import want
 from qpavoid.types import Array, Pose, Twist
@@ -94,8 +61,8 @@ FROZEN_WAY, FROZEN_BEAMS = 0.3, 10
 """m or rad of motion and number of echoes from which on equal ranges are repeated ones,
 not measurements."""
 
-AT_GOAL, AT_REST = (0.05, 0.1), 0.01
-"""m and rad, and m/s and rad/s, within which the robot has arrived."""
+AT_END, STANDING_TWIST = (0.05, 0.1), 0.01
+"""m and rad, and m/s and rad/s, mask.within which the robot has arrived."""
 
 NEAR_GOAL, GOAL_MOVED = 0.1, 0.02
 """m: distance of a path's end from which on the robot parks there; motion on the ground
@@ -104,11 +71,11 @@ NEAR_GOAL, GOAL_MOVED = 0.1, 0.02
 OUTLINE_MOVED = 0.005
 """m; motion of a corner that makes a new footprint."""
 
-STRAIGHT, ANEW, BACK_GAIN = 0.05, 0.25, 1.5
+LEAST_STRAIGHT, ANEW, BACK_GAIN = 0.05, 0.25, 1.5
 """m/s and rad/s, above and below which an operator drives straight ahead; m or m/s of
 change with which the line in that direction is drawn again; 1/s, return to it."""
 
-NEVER = 1e6
+NO_STALL = 1e6
 """s; of a stall in teleoperation, which has no detours."""
 
 ROLES = "filter", "guide"
@@ -127,7 +94,7 @@ class GuardSetup(NamedTuple):
     freshness: Freshness
     perception: NodePerception = NodePerception()
     guide: GuideSettings = GuideSettings()
-    drive: DriveSettings = DriveSettings()
+    drive: modes.DriveSettings = modes.DriveSettings()
 
 
 class Wiring(NamedTuple):
@@ -304,7 +271,7 @@ class Guard:
         self.frames = Frames(self.errors, self.sensors)
         self.driven, self._desired = STANDSTILL, STANDSTILL
         self._boxes = wiring.boxes
-        self._own = {name: OwnPlaces() for name in (*wiring.scans, *wiring.clouds)}
+        self._own = {name: mask.OwnPlaces() for name in (*wiring.scans, *wiring.clouds)}
         self._drove, self._filled = False, np.zeros(2, dtype=np.bool_)
         self._unknown, self._notes = dict[str, Array](), dict[str, str]()
         self._unread: dict[str, tuple[Any, float]] = {}
@@ -312,10 +279,10 @@ class Guard:
         self._stamps, self._ground = dict[str, float](), dict[str, Array]()
         self._tracks: Tracks | None = None
         self._readers: dict[str, Callable[[Any], Sight | Tracks | Poses]] = {
-            **dict.fromkeys(wiring.scans, read_scan),
-            **dict.fromkeys(wiring.clouds, read_cloud),
-            wiring.tracks: read_tracks,
-            wiring.costmap: read_grid,
+            **dict.fromkeys(wiring.scans, messages.read_scan),
+            **dict.fromkeys(wiring.clouds, messages.read_cloud),
+            wiring.tracks: messages.read_tracks,
+            wiring.costmap: messages.read_grid,
         }
         self.faults, self._ahead = Counter[str](), dict[str, float]()
         self._scanned = dict[str, tuple[Array, Pose]]()
@@ -356,10 +323,10 @@ class Guard:
         self._sent: Array | None = None
         self._course, self._is_free = math.nan, True
         self._docked: Array | None = None
-        self._follow = Follow(drive, setup.robot.footprint, dt)
+        self._follow = modes.Follow(drive, setup.robot.footprint, dt)
         self.guide, self.safety = None, SafetyFilter(setup.robot, setup.settings)
         if wired.role == "guide" or drive.mode == "teleop":
-            never = {"stall_time": NEVER, "blocked_time": 2.0 * NEVER}
+            never = {"stall_time": NO_STALL, "blocked_time": 2.0 * NO_STALL}
             patience = {} if wired.role == "guide" else never
             guide = replace(setup.guide, **patience)
             self.guide = Guide(setup.robot, setup.settings, guide)
@@ -372,7 +339,7 @@ class Guard:
         Sensor messages are decoded in the next step: of several, only the newest.
         """
         try:
-            stamp = seconds(message.header.stamp)
+            stamp = messages.seconds(message.header.stamp)
         except UNREADABLE as error:
             return self._judge(topic, Fault.INVALID, error)
         self._ahead[topic] = stamp - now
@@ -386,7 +353,7 @@ class Guard:
             if topic == TF:
                 pose, twist = self._by_tf(stamp), STANDSTILL
             else:
-                pose, twist = read_odometry(message)
+                pose, twist = messages.read_odometry(message)
         except UNREADABLE as error:
             return self._judge(topic, Fault.INVALID, error)
         fault = self._jump(stamp, pose)
@@ -420,7 +387,7 @@ class Guard:
     def outline(self, message: Any) -> None:
         """Take a footprint; on an error the known one is kept."""
         try:
-            seen = read_polygon(message)
+            seen = messages.read_polygon(message)
             corners, known = seen.poses[:, :2], self.setup.robot.footprint.vertices
             if seen.frame != self.wiring.base_frame:
                 back = relative(self.trail.at(seen.stamp), ORIGIN)
@@ -440,7 +407,7 @@ class Guard:
         """
         before, self._sent = self._task, None
         try:
-            self._task = kind, read_poses(message)
+            self._task = kind, messages.read_poses(message)
             self._send()
         except UNREADABLE as error:
             self._task = before
@@ -493,10 +460,8 @@ class Guard:
     @property
     def has_arrived(self) -> bool:
         """Whether the robot is at rest at the end of its task."""
-        rests = max(map(abs, self.driven)) < AT_REST
-        return rests and all(
-            x < most for x, most in zip(self.left, AT_GOAL, strict=True)
-        )
+        (away, turn), twist = self.left, max(map(abs, self.driven))
+        return away < AT_END[0] and turn < AT_END[1] and twist < STANDING_TWIST
 
     def _moved(self, stamp: float, pose: Pose, twist: Twist) -> Fault | None:
         """Record a pose; a twist beyond the limits, or unlike the poses, is a fault.
@@ -554,8 +519,8 @@ class Guard:
         stamp, desired = now, STANDSTILL
         try:
             header = getattr(message, "header", None)
-            stamp = now if header is None else seconds(header.stamp)
-            desired = read_twist(message)
+            stamp = now if header is None else messages.seconds(header.stamp)
+            desired = messages.read_twist(message)
         except UNREADABLE as error:
             self.errors["command"] = str(error)
         if self._command.receive(stamp, now, steady) is None:
@@ -605,7 +570,7 @@ class Guard:
             age, pose = max(ages, default=0.0), self.trail.at(now)
             if self.wiring.role == "guide":
                 self._send()
-            asked = Request(step.desired, obstacles)
+            asked = modes.Request(step.desired, obstacles)
             if self.wiring.role == "guide" or self._leads(asked, pose):
                 decision = self._guided(pose, obstacles, age)
             else:
@@ -629,38 +594,43 @@ class Guard:
         age = min(age, self.guide.safety.freshness.points)
         return self.guide.step(pose, obstacles, age=age, driven=self.driven)
 
-    def _leads(self, asked: Request, pose: Pose) -> bool:
+    def _leads(self, asked: modes.Request, pose: Pose) -> bool:
         """Return whether the guide leads the robot along a line, in ``teleop``.
 
         It does where the operator drives straight ahead and that way is not free. The
         line begins at the robot.
         """
         (v, omega), (x, y, heading) = asked.desired, pose
-        if self.guide is None or v < STRAIGHT or abs(omega) > STRAIGHT:
+        if self.guide is None or v < LEAST_STRAIGHT or abs(omega) > LEAST_STRAIGHT:
             self._course = math.nan
             return False
         if math.isnan(self._course):
             self._course, self._sent = heading, None
         off, settings = wrap_angle(self._course - heading), self.setup.settings
         keep = settings.radius.r_min_slow + settings.margins.error
-        self._is_free = is_free(asked.obstacles, self.setup.robot.footprint, off, keep)
+        self._is_free = modes.is_free(
+            asked.obstacles, self.setup.robot.footprint, off, keep
+        )
         if self._is_free or abs(off) > self.setup.drive.turn:
             self._sent = None
             return False
         now = np.array([x, y, v])
         if self._sent is None or np.abs(now - self._sent).max() > ANEW:
-            c, s = LINE * math.cos(self._course), LINE * math.sin(self._course)
+            c, s = (
+                modes.LINE * math.cos(self._course),
+                modes.LINE * math.sin(self._course),
+            )
             self.guide.follow([(x, y), (x + c, y + s)], v)
             self._sent = now
         return True
 
-    def _requested(self, asked: Request, pose: Pose, now: float) -> Request:
+    def _requested(self, asked: modes.Request, pose: Pose, now: float) -> modes.Request:
         """Return command and obstacles as the mode changes them."""
         drive = self.setup.drive
         if drive.mode == "teleop" and not math.isnan(self._course):
             off = wrap_angle(self._course - pose[2])
             back = (asked.desired[0], BACK_GAIN * off) if self._is_free else STANDSTILL
-            return Request(back, asked.obstacles)
+            return modes.Request(back, asked.obstacles)
         if drive.mode == "follow":
             return self._follow.step(asked, pose, self.perceiver.place_of(drive.person))
         if drive.mode != "dock":
@@ -672,11 +642,11 @@ class Guard:
             if self._docked is None:
                 return asked._replace(note=f"nothing is exempt: {error}")
         x, y, heading = self._docked.tolist()
-        places = to_world(middles(asked.obstacles), pose)
+        places = to_world(modes.middles(asked.obstacles), pose)
         places = to_world(places, relative((x, y, heading), ORIGIN))
         region = self.wiring.dock
         assert region is not None
-        return docking(asked, within(region, places, 0.0), drive.dock_speed)
+        return modes.docking(asked, mask.within(region, places, 0.0), drive.dock_speed)
 
     def brake(self, why: str) -> GuardStep:
         """Return a step that brakes, for any inputs; the latch closes."""
@@ -755,15 +725,15 @@ class Guard:
         """
         place, outline, fan = self._place(seen), self.setup.robot.footprint, seen.fan
         flat, valid = self._flat(topic, place.apply(seen.points)), seen.valid
-        near = within(outline, flat, self.wiring.mask_m)
-        inside, own = within(outline, flat, 0.0), self._is_own(topic, flat, near)
+        near = mask.within(outline, flat, self.wiring.mask_m)
+        inside, own = mask.within(outline, flat, 0.0), self._is_own(topic, flat, near)
         if fan is not None:
             valid -= float((own | inside).sum()) / max(len(fan.unknown), 1)
         if seen.empty and topic in self.wiring.empty_is_free:
             valid = 1.0
         frozen = fan is not None and self._is_frozen(topic, fan.ranges, seen.stamp)
         blind = seen.stuck or frozen or valid < self.setup.freshness.valid
-        if not (blind or self._drove) and self._own[topic].messages < RECORDED:
+        if not (blind or self._drove) and self._own[topic].messages < mask.RECORDED:
             sensor = place.translation[:2]
             self._own[topic].learn(flat[near], sensor, fan is not None)
             own = self._is_own(topic, flat, near)
@@ -805,7 +775,7 @@ class Guard:
         when its bearing is known again, or the robot has left it.
         """
         least = math.radians(self.wiring.blind_sector_deg)
-        beams = unknown_sectors(fan, place, self._boxes, least)
+        beams = mask.unknown_sectors(fan, place, self._boxes, least)
         before = self._unknown.pop(topic, NO_POINTS)
         if not beams.any():
             return
@@ -813,11 +783,11 @@ class Guard:
         robot, pose = self.setup.robot, self.trail.at(seen.stamp)
         known, away = to_world(before, relative(pose, ORIGIN)), self._away
         kept = np.hypot(*known.T) < robot.footprint.circumradius + away + AROUND
-        kept &= hidden(known, fan, beams, place)
+        kept &= mask.hidden(known, fan, beams, place)
         grown = Footprint(offset_outline(robot.footprint.vertices, away, CORNER_POINTS))
-        added = border(fan, beams, place, grown.edges)
+        added = mask.border(fan, beams, place, grown.edges)
         bound = to_world(np.vstack([known[kept], added]), pose)
-        first = np.unique(np.floor(bound / SPACING), axis=0, return_index=True)[1]
+        first = np.unique(np.floor(bound / mask.SPACING), axis=0, return_index=True)[1]
         self._unknown[topic] = bound[np.sort(first)]
         width = math.degrees(abs(fan.step) * beams.sum())
         bearing = math.degrees(math.atan2(*added[len(added) // 2, ::-1]))
@@ -854,7 +824,9 @@ class Guard:
         for topic, ground in self._ground.items():
             echoes = to_world(ground, back)
             if topic in self.perceiver.taken:
-                echoes = echoes[within(self.setup.robot.footprint, echoes, AT_OUTLINE)]
+                echoes = echoes[
+                    mask.within(self.setup.robot.footprint, echoes, AT_OUTLINE)
+                ]
             points.append(echoes)
         points += [to_world(ground, back) for ground in self._unknown.values()]
         return Obstacles.of(np.vstack(points), found.capsules).joined(tracked)
@@ -872,10 +844,10 @@ class Guard:
             points = points[(points[:, 2] >= low) & (points[:, 2] <= high)]
         return np.ascontiguousarray(points[:, :2])
 
-    def _is_own(self, topic: str, flat: Array, near: Flags) -> Flags:
+    def _is_own(self, topic: str, flat: Array, near: mask.Flags) -> mask.Flags:
         """Return which points (n, 2) are the robot itself; ``near``: candidates."""
         if len(self._boxes):
-            return in_boxes(self._boxes, flat)
+            return mask.in_boxes(self._boxes, flat)
         own = near.copy()
         own[near] = self._own[topic].hold(flat[near])
         return own

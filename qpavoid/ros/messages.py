@@ -288,10 +288,15 @@ def read_grid(message: Any) -> Poses:
 def read_polygon(message: Any) -> Poses:
     """Return the corners of a ``PolygonStamped``, counter-clockwise, heading 0."""
     corners = [(float(one.x), float(one.y), 0.0) for one in message.polygon.points]
-    made = np.array(corners).reshape(-1, 3)
-    x, y, _ = made.T
+    made = counter_clockwise(np.array(corners).reshape(-1, 3))
+    return Poses(*_header(message), made)
+
+
+def counter_clockwise(corners: Array) -> Array:
+    """Return the corners (n, k) of a polygon, x and y first, counter-clockwise."""
+    x, y = corners[:, 0], corners[:, 1]
     area = float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
-    return Poses(*_header(message), made if area > 0.0 else made[::-1])
+    return corners if area > 0.0 else corners[::-1]
 
 
 def read_twist(message: Any) -> Twist:

@@ -94,7 +94,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         named = Running()._asdict().items(), Wiring()._asdict().items()
         run, wired = ({k: self._own(k, x, True) for k, x in own} for own in named)
         self._run, self._wiring = Running(**run), Wiring(**wired)
-        self._robot = preset(self._run.robot_preset)
+        self._robot = preset(self._run.robot_preset, self._run.footprint_text)
         self._values = {k: self._own(k, x) for k, x in defaults(self._robot).items()}
         self.add_on_set_parameters_callback(self._on_parameters)
         self._guard: Guard | None = None

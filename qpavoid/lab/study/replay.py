@@ -114,7 +114,8 @@ def read_parameters(path: Path) -> Parameters:
     except (AttributeError, KeyError, TypeError, ValueError):
         raise ConfigError([f"{path}: needs one node with ros__parameters"]) from None
     try:
-        robot = preset(str(given.get("robot_preset", Running().robot_preset)))
+        named = Running()._asdict() | given
+        robot = preset(str(named["robot_preset"]), str(named["footprint_text"]))
         known = Running()._asdict() | Wiring()._asdict() | defaults(robot)
         unknown = [key for key in given if key not in known]
         if unknown:

@@ -122,7 +122,7 @@ def test_what_would_have_been_changed(tmp_path, plugin, shift):
 def test_splits_without_metadata_have_the_static_transforms_of_the_first(
     tmp_path, plugin, later
 ):
-    """The same drive in two files, as a folder, and the second one by itself.
+    """A drive in two files, as a folder, and the second one by itself.
 
     Commands are stamped; odometry has no twist. No command at 0.1 m/s is changed.
     """
