@@ -68,8 +68,8 @@ NEAR_GOAL, GOAL_MOVED = 0.1, 0.02
 """m: distance of a path's end from which on the robot parks there; motion on the ground
 (m or rad) with which a task is given again."""
 
-OUTLINE_MOVED = 0.005
-"""m; motion of a corner that makes a new footprint."""
+OUTLINE_MOVED, LATEST = 0.005, math.inf
+"""m; motion of a corner that makes a new footprint. s; time of the newest transform."""
 
 LEAST_STRAIGHT, ANEW, BACK_GAIN = 0.05, 0.25, 1.5
 """m/s and rad/s, above and below which an operator drives straight ahead; m or m/s of
@@ -214,6 +214,11 @@ class Wiring(NamedTuple):
         return {k: of(poses[6 * i : 6 * i + 6]) for i, k in enumerate(self.frames)}
 
 
+def spans(corners: Array) -> Array:
+    """Return the distances (n, n) between all corners (n, 2), m."""
+    return np.asarray(np.hypot(*(corners[:, None] - corners).transpose(2, 0, 1)))
+
+
 class GuardStep(NamedTuple):
     """Result of a control step.
 
@@ -322,7 +327,6 @@ class Guard:
         self.latch.steps = fresh.good_steps(dt)
         self._sent: Array | None = None
         self._course, self._is_free = math.nan, True
-        self._docked: Array | None = None
         self._follow = modes.Follow(drive, setup.robot.footprint, dt)
         self.guide, self.safety = None, SafetyFilter(setup.robot, setup.settings)
         if wired.role == "guide" or drive.mode == "teleop":
@@ -389,11 +393,16 @@ class Guard:
         try:
             seen = messages.read_polygon(message)
             corners, known = seen.poses[:, :2], self.setup.robot.footprint.vertices
-            if seen.frame != self.wiring.base_frame:
+            same = corners.shape == known.shape
+            if seen.frame == self.wiring.base_frame:
+                same = same and np.abs(corners - known).max() < OUTLINE_MOVED
+            else:  # the same at another place: of another time
+                same = (
+                    same and np.abs(spans(corners) - spans(known)).max() < OUTLINE_MOVED
+                )
                 back = relative(self.trail.at(seen.stamp), ORIGIN)
                 corners = to_world(self._on_ground(seen)[:, :2], back)
-            same = corners.shape == known.shape
-            if not (same and np.abs(corners - known).max() < OUTLINE_MOVED):
+            if not same:
                 robot = replace(self.setup.robot, footprint=Footprint(corners))
                 self.change(self.setup._replace(robot=robot))
             self._notes.pop("footprint", None)
@@ -424,17 +433,11 @@ class Guard:
         """Give the task to the guide, again after it has moved on the ground."""
         assert self.guide is not None
         time, speed = self.watches[self.wiring.odometry].stamp, self.setup.drive.speed
+        want(math.isfinite(time), "there is no odometry yet")
         pose = self.trail.at(time)
         here = Poses(time, self.wiring.odom_frame, np.array([pose]))
         self._task = kind, known = self._task or ("stay", here)
-        try:
-            rows = self._on_ground(known._replace(stamp=time))
-            self._notes.pop("task", None)
-        except InvalidInputError as error:
-            if self._sent is None:
-                raise
-            self._note("task", f"its last place counts: {error}")
-            return
+        rows = self._on_ground(known._replace(stamp=LATEST))
         x, y, heading = rows[-1].tolist()
         near = math.dist(pose[:2], (x, y)) < NEAR_GOAL
         rows = rows if kind == "path" and not near else rows[-1:]
@@ -505,7 +508,7 @@ class Guard:
         back = relative(self.trail.at(stamp), ORIGIN)
         for points in (*self._unknown.values(), *self._ground.values()):
             points[:] = to_world(to_world(points, back), pose)
-        self.trail, self._scanned, self._docked = Trail(), {}, None
+        self.trail, self._scanned = Trail(), {}
         self.perceiver.forget()
         self._jumped[self.wiring.odometry] = Fault.JUMPED
         said = f"{leg.length:.3g} m, {leg.turn:.3g} rad in {leg.time:.3g} s"
@@ -574,7 +577,7 @@ class Guard:
             if self.wiring.role == "guide" or self._leads(asked, pose):
                 decision = self._guided(pose, obstacles, age)
             else:
-                asked = self._requested(asked, pose, now)
+                asked = self._requested(asked, pose)
                 (v, omega), obstacles, note = asked
                 decision = self.safety.filter(
                     v, omega, obstacles, age=age, driven=driven
@@ -624,7 +627,7 @@ class Guard:
             self._sent = now
         return True
 
-    def _requested(self, asked: modes.Request, pose: Pose, now: float) -> modes.Request:
+    def _requested(self, asked: modes.Request, pose: Pose) -> modes.Request:
         """Return command and obstacles as the mode changes them."""
         drive = self.setup.drive
         if drive.mode == "teleop" and not math.isnan(self._course):
@@ -636,12 +639,10 @@ class Guard:
         if drive.mode != "dock":
             return asked
         try:
-            dock = Poses(now, self.wiring.dock_frame, np.zeros((1, 3)))
-            self._docked = self._on_ground(dock)[0]
+            dock = Poses(LATEST, self.wiring.dock_frame, np.zeros((1, 3)))
+            x, y, heading = self._on_ground(dock)[0].tolist()
         except InvalidInputError as error:
-            if self._docked is None:
-                return asked._replace(note=f"nothing is exempt: {error}")
-        x, y, heading = self._docked.tolist()
+            return asked._replace(note=f"nothing is exempt: {error}")
         places = to_world(modes.middles(asked.obstacles), pose)
         places = to_world(places, relative((x, y, heading), ORIGIN))
         region = self.wiring.dock
