@@ -62,7 +62,7 @@ FROZEN_WAY, FROZEN_BEAMS = 0.3, 10
 not measurements."""
 
 AT_END, STANDING_TWIST = (0.05, 0.1), 0.01
-"""m and rad, and m/s and rad/s, mask.within which the robot has arrived."""
+"""m and rad, and m/s and rad/s, within which the robot has arrived."""
 
 NEAR_GOAL, GOAL_MOVED = 0.1, 0.02
 """m: distance of a path's end from which on the robot parks there; motion on the ground
@@ -355,7 +355,7 @@ class Guard:
             return None
         try:
             if topic == TF:
-                pose, twist = self._by_tf(stamp), STANDSTILL
+                pose, twist = self._place_of(self.wiring.base_frame, stamp), STANDSTILL
             else:
                 pose, twist = messages.read_odometry(message)
         except UNREADABLE as error:
@@ -373,10 +373,11 @@ class Guard:
             if self.wiring.odometry == TF and link.child_frame_id == mover:
                 self.see(TF, link, now, steady)
 
-    def _by_tf(self, stamp: float) -> Pose:
-        """Return the pose of the base in the odometry frame."""
-        base = Poses(stamp, self.wiring.base_frame, np.zeros((1, 3)))
-        x, y, heading = self._on_ground(base)[0].tolist()
+    def _place_of(self, frame: str, time: float) -> Pose:
+        """Return the pose of a frame in the odometry frame."""
+        x, y, heading = self._on_ground(Poses(time, frame, np.zeros((1, 3))))[
+            0
+        ].tolist()
         return x, y, heading
 
     def _on_ground(self, seen: Poses) -> Array:
@@ -393,16 +394,13 @@ class Guard:
         try:
             seen = messages.read_polygon(message)
             corners, known = seen.poses[:, :2], self.setup.robot.footprint.vertices
-            same = corners.shape == known.shape
-            if seen.frame == self.wiring.base_frame:
-                same = same and np.abs(corners - known).max() < OUTLINE_MOVED
-            else:  # the same at another place: of another time
-                same = (
-                    same and np.abs(spans(corners) - spans(known)).max() < OUTLINE_MOVED
-                )
+            off = np.inf if corners.shape != known.shape else corners - known
+            if seen.frame != self.wiring.base_frame:  # its place is of another time
+                if corners.shape == known.shape:
+                    off = spans(corners) - spans(known)
                 back = relative(self.trail.at(seen.stamp), ORIGIN)
                 corners = to_world(self._on_ground(seen)[:, :2], back)
-            if not same:
+            if np.abs(off).max() > OUTLINE_MOVED:
                 robot = replace(self.setup.robot, footprint=Footprint(corners))
                 self.change(self.setup._replace(robot=robot))
             self._notes.pop("footprint", None)
@@ -571,17 +569,13 @@ class Guard:
             # A scan stamped by its last beam is older than its stamp.
             ages = (max(step.ages[k], now - x) for k, x in self._stamps.items())
             age, pose = max(ages, default=0.0), self.trail.at(now)
-            if self.wiring.role == "guide":
-                self._send()
             asked = modes.Request(step.desired, obstacles)
-            if self.wiring.role == "guide" or self._leads(asked, pose):
+            if self._leads(asked, pose):
                 decision = self._guided(pose, obstacles, age)
             else:
-                asked = self._requested(asked, pose)
-                (v, omega), obstacles, note = asked
-                decision = self.safety.filter(
-                    v, omega, obstacles, age=age, driven=driven
-                )
+                wanted, obstacles, note = self._requested(asked, pose)
+                told: Any = {"age": age, "driven": driven}
+                decision = self.safety.filter(*wanted, obstacles, **told)
                 notes: dict[str, str] = {self.setup.drive.mode: note} if note else {}
                 step = step._replace(notes={**step.notes, **notes})
         except InvalidInputError as error:
@@ -598,11 +592,14 @@ class Guard:
         return self.guide.step(pose, obstacles, age=age, driven=self.driven)
 
     def _leads(self, asked: modes.Request, pose: Pose) -> bool:
-        """Return whether the guide leads the robot along a line, in ``teleop``.
+        """Return whether the guide leads the robot: in its role, or in ``teleop``.
 
-        It does where the operator drives straight ahead and that way is not free. The
-        line begins at the robot.
+        There it does where the operator drives straight ahead and that way is not free,
+        along a line from the robot.
         """
+        if self.wiring.role == "guide":
+            self._send()
+            return True
         (v, omega), (x, y, heading) = asked.desired, pose
         if self.guide is None or v < LEAST_STRAIGHT or abs(omega) > LEAST_STRAIGHT:
             self._course = math.nan
@@ -611,19 +608,15 @@ class Guard:
             self._course, self._sent = heading, None
         off, settings = wrap_angle(self._course - heading), self.setup.settings
         keep = settings.radius.r_min_slow + settings.margins.error
-        self._is_free = modes.is_free(
-            asked.obstacles, self.setup.robot.footprint, off, keep
-        )
+        outline = self.setup.robot.footprint
+        self._is_free = modes.is_free(asked.obstacles, outline, off, keep)
         if self._is_free or abs(off) > self.setup.drive.turn:
             self._sent = None
             return False
         now = np.array([x, y, v])
         if self._sent is None or np.abs(now - self._sent).max() > ANEW:
-            c, s = (
-                modes.LINE * math.cos(self._course),
-                modes.LINE * math.sin(self._course),
-            )
-            self.guide.follow([(x, y), (x + c, y + s)], v)
+            line = to_world(modes.AHEAD, (x, y, self._course))
+            self.guide.follow(line, v)
             self._sent = now
         return True
 
@@ -639,15 +632,12 @@ class Guard:
         if drive.mode != "dock":
             return asked
         try:
-            dock = Poses(LATEST, self.wiring.dock_frame, np.zeros((1, 3)))
-            x, y, heading = self._on_ground(dock)[0].tolist()
+            dock = relative(self._place_of(self.wiring.dock_frame, LATEST), pose)
         except InvalidInputError as error:
             return asked._replace(note=f"nothing is exempt: {error}")
-        places = to_world(modes.middles(asked.obstacles), pose)
-        places = to_world(places, relative((x, y, heading), ORIGIN))
         region = self.wiring.dock
         assert region is not None
-        return modes.docking(asked, mask.within(region, places, 0.0), drive.dock_speed)
+        return modes.docking(asked, dock, region, drive.dock_speed)
 
     def brake(self, why: str) -> GuardStep:
         """Return a step that brakes, for any inputs; the latch closes."""

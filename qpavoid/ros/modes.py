@@ -18,7 +18,7 @@ from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import TINY, to_world
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.ros.mask import Flags
+from qpavoid.ros.mask import within
 from qpavoid.settings import POSITIVE, Range, check
 from qpavoid.types import Array, Pose, Twist
 
@@ -27,7 +27,8 @@ LOST_AFTER, PLACED, IN_FRONT = 1.0, 0.6, math.radians(60.0)
 place; half the angle in which the nearest person is looked for."""
 
 LINE = 3.0
-"""m; length of the way ahead in ``teleop``."""
+AHEAD = np.array([(0.0, 0.0), (LINE, 0.0)])
+"""m; length of the way ahead in ``teleop``, and its ends in the robot frame."""
 
 FOLLOW_TIME, LEAST_AHEAD = 1.0, 0.2
 """s, in which an error of the followed distance is reduced; least cosine of the
@@ -72,14 +73,24 @@ def middles(seen: Obstacles) -> Array:
     return np.vstack([seen.points, 0.5 * (ends[:, :2] + ends[:, 2:])])
 
 
-def docking(asked: Request, inside: Flags, speed: float) -> Request:
+def docking(
+    asked: Request, at: Pose, region: Footprint | None, speed: float
+) -> Request:
     """Return a request without the static obstacles in the region of a dock.
 
-    ``inside``: (n,) whether the middle of each point and capsule is in the region;
-    ``speed``: greatest, m/s.
+    Args:
+        asked: Command and obstacles.
+        at: Pose of the robot in the dock's frame.
+        region: Of the dock there.
+        speed: Greatest, m/s.
     """
     (v, omega), seen, _ = asked
-    count = len(seen.points)
+    places, count = to_world(middles(seen), at), len(seen.points)
+    inside = (
+        np.zeros(len(places), np.bool_)
+        if region is None
+        else within(region, places, 0.0)
+    )
     kept = ~inside[count:] | (seen.speeds > TINY)
     rest = Obstacles.of(seen.points[~inside[:count]], seen.capsules[kept])
     note = f"{inside[:count].sum()} points in the dock are exempt"
