@@ -2,11 +2,14 @@
 
 from typing import Any
 
-from rclpy.action import ActionServer, CancelResponse
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.task import Future
 
 from qpavoid.avoidance.decision import Status
 from qpavoid.ros.guard import Guard, GuardStep
+
+ANSWERS = GoalResponse.REJECT, GoalResponse.ACCEPT
+"""To a goal while the node is not active, and active."""
 
 
 class FollowPathServer:
@@ -29,6 +32,7 @@ class FollowPathServer:
         self._end: Any = None
         self._server = ActionServer(
             *(node, kind, "follow_path", self._follow),
+            goal_callback=lambda _: ANSWERS[node.is_active],
             cancel_callback=lambda _: CancelResponse.ACCEPT,
         )
 
@@ -44,8 +48,7 @@ class FollowPathServer:
 
     async def _follow(self, goal: Any) -> Any:
         """Follow the path of a goal until it ends."""
-        if self._end is not None and not self._end.done():
-            self._end.set_result("replaced")
+        self.end("replaced")
         result = self._kind.Result()
         refused = self._guard.task("path", goal.request.path)
         if refused:
@@ -80,6 +83,11 @@ class FollowPathServer:
             feedback = self._kind.Feedback(speed=float(step.v))
             feedback.distance_to_goal = float(self._guard.left[0])
             self._goal.publish_feedback(feedback)
+
+    def end(self, why: str) -> None:
+        """End a goal that is followed."""
+        if self._end is not None and not self._end.done():
+            self._end.set_result(why)
 
     def destroy(self) -> None:
         """Stop serving."""

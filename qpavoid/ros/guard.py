@@ -648,7 +648,8 @@ class Guard:
         return self._braked(nothing, None)
 
     def stop(self) -> None:
-        """Set the robot to standing still; the latch closes."""
+        """Set the robot to standing still, without a task; the latch closes."""
+        self.rest()
         self.driven, self.latch = STANDSTILL, Latch(self.latch.steps)
         self.safety.reset()
 

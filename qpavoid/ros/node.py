@@ -123,6 +123,11 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         """Whether to configure and activate at once."""
         return self._run.autostart
 
+    @property
+    def is_active(self) -> bool:
+        """Whether twists are published."""
+        return self._timer is not None
+
     def _now(self) -> Pair:
         """Return the times of the stamps' clock and of the monotonic one, s."""
         now, steady = self.get_clock().now(), self._steady.now()
@@ -228,6 +233,8 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         if self._timer is not None:
             self.destroy_timer(self._timer)
             self._timer = None
+            if self._action is not None:
+                self._action.end("deactivated")
             self._give(0.0, 0.0)
             if self._guard is not None:
                 self._guard.stop()

@@ -186,5 +186,7 @@ def warm(guard: Guard) -> None:
     """Compile all functions that a step calls."""
     seen = Obstacles(points=[(9.0, 9.0)], discs=[(9.0, -9.0, 0.1)])
     guard.safety.filter(0.0, 0.0, seen)
+    if guard.guide is not None:
+        guard.guide.step(ORIGIN, seen)
     Perception(guard.setup.robot).update([9.0] * 9, 0.0, ORIGIN)
     markers(guard, guard.step(0.0, 0.0))

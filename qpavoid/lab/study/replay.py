@@ -193,7 +193,8 @@ def replay(drive: Recording, setup: GuardSetup) -> Replayed:
         DataError: There are no others, or a topic is stamped by another clock.
     """
     fresh = replace(setup.freshness, good=0.0)
-    guard = Guard(setup._replace(freshness=fresh), drive.wiring)
+    wired = drive.wiring._replace(role="filter")
+    guard = Guard(setup._replace(freshness=fresh), wired)
     _want_one_clock(drive, guard)
     for message in drive.static:
         guard.frames.add(message, fixed=True)
@@ -204,7 +205,7 @@ def replay(drive: Recording, setup: GuardSetup) -> Replayed:
     done, last = Replayed(drive, guard, [], [], [], []), (0.0, 0.0)
     for event in drive.events:
         if event.topic == "tf":
-            guard.frames.add(event.message)
+            guard.transforms(event.message, event.time, event.time)
         elif event.topic == "command":
             guard.command(event.message, event.time, event.time)
         else:

@@ -181,6 +181,22 @@ def test_a_bag_without_scans_or_commands(tmp_path):
         )
 
 
+def test_poses_by_tf_and_a_guides_parameters(tmp_path):
+    """Parameters of the role guide: the recorded commands are filtered all the same."""
+    with Recorder(tmp_path / "bag", StoragePlugin.MCAP) as bag:
+        for k in range(40):
+            time, x = START + k / RATE, 0.2 * k / RATE
+            bag.write("/tf", TF, time, chain(bag, ("odom", "base_link", x, time)))
+            scan = ros.wall(time, 6.0 - x, frame="base_link")
+            bag.put("/scan", SCAN, time + 1e-3, scan)
+            bag.put("/cmd_vel", TWIST, time + 2e-3, ros.twist(0.2))
+        bag.write("/tf_static", TF, START, chain(bag, ("base_link", "mast", 0.1)))
+    wiring = Wiring(odometry="/tf", role="guide", frames=("base_link",))
+    _, done = run(tmp_path / "bag", wiring=wiring._replace(frame_poses=(0.0,) * 6))
+    assert len(done.rows) == 40 and done.changed == 0.0
+    assert done.guard.trail.twist[0] == pytest.approx(0.2, abs=1e-6)
+
+
 def test_commands_before_anything_is_seen_are_left_out():
     events = [Event(0.1 * k, "command", ros.twist(0.5)) for k in range(4)]
     drive = Recording(Wiring(odometry=""), (), events)
