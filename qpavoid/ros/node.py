@@ -187,8 +187,10 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
 
     def _on_task(self, kind: str, message: Any) -> None:
         """Give a task to the guide; a refused one is logged."""
-        assert self._guard is not None
-        if refused := self._guard.task(kind, message):
+        guard, refused = self._guard, "the node is not active"
+        if guard is not None and self.is_active:
+            refused = guard.task(kind, message)
+        if refused:
             self.get_logger().warning(f"{kind} is refused: {refused}")
 
     def _hear_frames(self, guard: Guard) -> None:
