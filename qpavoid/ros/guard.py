@@ -293,6 +293,7 @@ class Guard:
         self._scanned = dict[str, tuple[Array, Pose]]()
         self._task: tuple[str, Poses] | None = None
         self.guide: Guide | None = None
+        self._outline: Footprint | None = None
         self.watches = {name: InputWatch(0.0, 0.0) for name in wiring.topics}
         self._command, self.latch = InputWatch(0.0, 0.0), Latch(math.inf)
         self.perceiver = Perceiver(setup.robot, setup.perception)
@@ -308,6 +309,9 @@ class Guard:
         Raises:
             InvalidInputError: A greatest age is not above that.
         """
+        if self._outline is not None:
+            robot = replace(setup.robot, footprint=self._outline)
+            setup = setup._replace(robot=robot)
         fresh, dt = setup.freshness, setup.settings.dt
         held = dt * (1.0 + setup.settings.actuation.jitter)
         wired, drive = self.wiring, setup.drive
@@ -401,8 +405,8 @@ class Guard:
                 back = relative(self.trail.at(seen.stamp), ORIGIN)
                 corners = to_world(self._on_ground(seen)[:, :2], back)
             if np.abs(off).max() > OUTLINE_MOVED:
-                robot = replace(self.setup.robot, footprint=Footprint(corners))
-                self.change(self.setup._replace(robot=robot))
+                self._outline = Footprint(corners)
+                self.change(self.setup)
             self._notes.pop("footprint", None)
         except UNREADABLE as error:
             self._note("footprint", str(error))

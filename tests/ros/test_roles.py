@@ -271,6 +271,8 @@ def test_a_footprint_that_is_published_counts_and_a_wrong_one_does_not():
     placed = clockwise @ [[c, s], [-s, c]] + loop.guard.trail.at(loop.now)[:2]
     loop.guard.outline(polygon(placed, "odom"))
     assert loop.guard.setup.robot.footprint.vertices is known, "the same, in odom"
+    loop.guard.change(setup())
+    assert loop.guard.setup.robot.footprint.vertices is known, "settings leave it"
     arrow = [(0.6, 0.0), (-0.4, 0.4), (0.0, 0.0), (-0.4, -0.4)]
     loop.guard.outline(polygon(arrow, "base_link"))
     assert "footprint: footprint vertices must be" in loop.step().sentence
