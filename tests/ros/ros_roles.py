@@ -109,11 +109,12 @@ rclpy.spin_once(node, timeout_sec=1.0)
 second = sent(path("odom", 0.0))
 ends(first)
 ends(second)
+last = seen[-1:]
 third = sent(path("odom", 2.0))
 cancel = third.cancel_goal_async()
 rclpy.spin_until_future_complete(node, cancel)
 ends(third)
-print(json.dumps({"ends": found, "left": [seen[:1], seen[-1:]]}))
+print(json.dumps({"ends": found, "left": [seen[:1], last]}))
 """
 
 
