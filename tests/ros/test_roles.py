@@ -329,3 +329,27 @@ def test_a_topic_of_another_clock_is_named(ahead, said):
 def test_wiring_of_roles_that_is_wrong_is_named(wiring, said):
     with pytest.raises(InvalidInputError, match=said):
         Guard(setup(), Wiring(**wiring))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [(lambda m: m.poses.clear(), "a path needs poses"),
+     (lambda m: setattr(m, "poses", None), "not iterable"),
+     (lambda m: setattr(m.poses[3].pose.position, "x", math.nan), "finite numbers"),
+     (lambda m: setattr(m.poses[3].pose.orientation, "w", 0.5), "quaternion"),
+     (lambda m: setattr(m.header, "frame_id", ""), "unknown frame ''"),
+     (lambda m: [setattr(p.pose.position, "x", 1e300) for p in m.poses], "")],
+)  # fmt: skip
+def test_a_path_that_is_none_is_refused_and_the_last_one_kept(spoil, said):
+    loop = guided()
+    message = path(loop.now, [(0.0, 0.0, 0.0)])
+    assert "no odometry yet" in loop.guard.task("path", message)
+    loop.run(0.5)
+    places = [(-3.0 + 0.2 * k, 0.0, 0.0) for k in range(10)]
+    assert loop.guard.task("path", path(loop.now, places)) == ""
+    message = path(loop.now, places)
+    spoil(message)
+    refused = loop.guard.task("path", message)
+    assert refused and said in refused and "path: refused" in loop.step().sentence
+    loop.run(6.0)
+    assert max(off(loop, -1.2, 0.0)) < 0.08

@@ -169,15 +169,7 @@ def perceivable(drive: Recording) -> Recording:
 
 
 def odometry_and_commands(path: Path, command: str) -> list[Event]:
-    """Return only these of a bag, as ``odometry`` and ``command``.
-
-    Args:
-        path: As :func:`bag_drive` takes it.
-        command: The same.
-
-    Raises:
-        QPAvoidError: The same.
-    """
+    """Return only these of a bag, as ``odometry`` and ``command``; see bag_drive."""
 
     def choose(held: dict[str, str]) -> dict[str, str]:
         odometry = found_topics(held).odometry

@@ -243,15 +243,11 @@ def replay(drive: Recording, setup: GuardSetup) -> Replayed:
 
 def _want_one_clock(drive: Recording, guard: Guard) -> None:
     """Refuse a topic most of whose messages are too old, or ahead, when received."""
-    received: dict[str, list[tuple[float, float]]] = {}
+    late: dict[str, list[float]] = {}
     for time, topic, message in drive.events:
         if hasattr(message, "header"):
-            pair = time, seconds(message.header.stamp)
-            received.setdefault(topic, []).append(pair)
-    ages = {
-        topic: float(np.median([time - stamp for time, stamp in some]))
-        for topic, some in received.items()
-    }
+            late.setdefault(topic, []).append(time - seconds(message.header.stamp))
+    ages = {topic: median(some) for topic, some in late.items()}
     said = ", ".join(f"{topic} {age:.3f} s" for topic, age in ages.items())
     fresh = guard.setup.freshness
     for topic, age in ages.items():
