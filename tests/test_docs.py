@@ -159,7 +159,7 @@ def test_it_builds_without_a_warning(tmp_path):
     index = (tmp_path / "searchindex.js").read_text()
     found = json.loads(index[index.index("(") + 1 : -1])
     for word, page in (
-        ("nav2", "ros2"),
+        ("nav2", "nav2"),
         ("costmap", "ros2"),
         ("tracker", "ros2"),
         ("veloc", "filter"),

@@ -86,7 +86,7 @@ class Frames:
             del link.times[0], link.places[0]
 
     def find(self, base: str, frame: str, time: float) -> Transform:
-        """Return the transform of a frame to the base at a time, s.
+        """Return the transform of a frame to the base at a time, s; inf: the newest.
 
         Raises:
             InvalidInputError: They have no common ancestor, or a transform between them
@@ -105,6 +105,11 @@ class Frames:
         rotation = here.rotation.T @ there.rotation
         lever = there.translation - here.translation
         return Transform(rotation, here.rotation.T @ lever)
+
+    def mover(self, base: str) -> str:
+        """Return the first frame from a base upwards that moves on its parent."""
+        links = [(name, self._links.get(name)) for name in self._above(_name(base))]
+        return next((k for k, x in links if x and x.times[0] > -math.inf), base)
 
     def _above(self, name: str) -> list[str]:
         """Return a frame and its ancestors; a cycle ends where it closes."""
@@ -127,8 +132,8 @@ class Frames:
     def _at(self, name: str, time: float) -> Array:
         """Return the transform of a frame to its parent."""
         _, times, places = self._links[name]
-        if times[0] == -math.inf:
-            return places[0]
+        if times[0] == -math.inf or time == math.inf:
+            return places[-1]
         gap = max(times[0] - time, time - times[-1])
         want(gap <= BEYOND, f"tf has the frame {name!r} only {gap:.2g} s off")
         i = bisect_right(times, time)

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.errors import InvalidInputError
+from qpavoid.model.kinematics import to_world
 from qpavoid.settings import want
 from qpavoid.types import Array, Pose, Twist
 
@@ -48,6 +49,9 @@ MOST_ENDS_OFF = 1.5
 
 MOST_SPAN, MOST_TURNS = 1.0, 2.0
 """Greatest time from the first beam to the last: s, and multiples of scan_time."""
+
+OCCUPIED = 100
+"""Value of an occupied cell; lower ones are inflation, and -1 is unknown."""
 
 TRACK_FIELDS = ("x", "y", "radius", "vx", "vy")
 
@@ -98,6 +102,14 @@ class Sight(NamedTuple):
     stuck: bool = False
     fan: Fan | None = None
     empty: bool = False
+
+
+class Poses(NamedTuple):
+    """Poses (n, 3) in a frame: x, y in m, heading in rad."""
+
+    stamp: float
+    frame: str
+    poses: Array
 
 
 class Tracks(NamedTuple):
@@ -220,17 +232,71 @@ def read_odometry(message: Any) -> tuple[Pose, Twist]:
     """Return pose and twist of a ``nav_msgs/Odometry``.
 
     Raises:
+        InvalidInputError: As :func:`read_pose`.
+    """
+    pose, moves = read_pose(message.pose.pose), message.twist.twist
+    twist = float(moves.linear.x), float(moves.angular.z)
+    want(all(map(math.isfinite, twist)), "odometry needs finite numbers")
+    return pose, twist
+
+
+def read_pose(place: Any) -> Pose:
+    """Return a ``geometry_msgs/Pose``.
+
+    Raises:
         InvalidInputError: A number is not finite, or the quaternion no rotation.
     """
-    place, moves = message.pose.pose, message.twist.twist
     x, y, z, w = (float(getattr(place.orientation, name)) for name in "xyzw")
     turns = abs(math.hypot(x, y, z, w) - 1.0) < NO_ROTATION
-    want(turns, "odometry needs a quaternion of length 1")
+    want(turns, "a pose needs a quaternion of length 1")
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     pose = float(place.position.x), float(place.position.y), yaw
-    twist = float(moves.linear.x), float(moves.angular.z)
-    want(all(map(math.isfinite, (*pose, *twist))), "odometry needs finite numbers")
-    return pose, twist
+    want(all(map(math.isfinite, pose)), "a pose needs finite numbers")
+    return pose
+
+
+def read_poses(message: Any) -> Poses:
+    """Return a ``PoseStamped`` or a ``nav_msgs/Path``; its frame is the path's.
+
+    Raises:
+        InvalidInputError: As :func:`read_pose`; or a path is empty.
+    """
+    listed = [one.pose for one in getattr(message, "poses", [message])]
+    want(len(listed) > 0, "a path needs poses")
+    return Poses(*_header(message), np.array([read_pose(one) for one in listed]))
+
+
+def read_grid(message: Any) -> Poses:
+    """Return the corners of the occupied cells of an ``OccupancyGrid``, heading 0.
+
+    Corners among four occupied cells are left out.
+
+    Raises:
+        InvalidInputError: As :func:`read_pose`; or its data do not fit.
+    """
+    info, cells = message.info, np.asarray(message.data, dtype=np.int8)
+    size, fits = float(info.resolution), cells.size == info.height * info.width
+    want(fits and 0.0 < size < math.inf, "a costmap's data do not fit its size")
+    full = np.pad(cells.reshape(info.height, info.width) >= OCCUPIED, 1).astype(int)
+    around = full[1:, 1:] + full[:-1, 1:] + full[1:, :-1] + full[:-1, :-1]
+    row, column = np.nonzero((around > 0) & (around < 4))
+    corners = size * np.column_stack([column, row]).astype(np.float64)
+    corners = to_world(corners, read_pose(info.origin))
+    return Poses(*_header(message), np.column_stack([corners, np.zeros(len(row))]))
+
+
+def read_polygon(message: Any) -> Poses:
+    """Return the corners of a ``PolygonStamped``, counter-clockwise, heading 0."""
+    corners = [(float(one.x), float(one.y), 0.0) for one in message.polygon.points]
+    made = counter_clockwise(np.array(corners).reshape(-1, 3))
+    return Poses(*_header(message), made)
+
+
+def counter_clockwise(corners: Array) -> Array:
+    """Return the corners (n, k) of a polygon, x and y first, counter-clockwise."""
+    x, y = corners[:, 0], corners[:, 1]
+    area = float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+    return corners if area > 0.0 else corners[::-1]
 
 
 def read_twist(message: Any) -> Twist:

@@ -1,12 +1,15 @@
-"""ROS 2 node: a lifecycle node in place of Nav2's collision monitor.
+"""ROS 2 node: in place of Nav2's collision monitor, or of its controller server.
 
-Topics ``cmd_vel_in`` → ``cmd_vel_out``; scans, clouds, tracks and odometry as
-:mod:`qpavoid.ros.parameters` names them; ``~/markers``, ``~/local_map``, ``~/latency``
-(s, from the arrival of a scan to the twist), ``/diagnostics``; an Empty on
-``~/acknowledge`` opens the latch. A twist is published when a scan arrives and ``dt_s``
-has passed since the last one, and without a scan after ``dt_s`` (1 +
-``actuation.jitter``): without commands the robot evades, too. While the node is not
-active it publishes none.
+Role ``filter``: ``cmd_vel_in`` → ``cmd_vel_out``. Role ``guide``: ``goal_pose``,
+``path``, ``stay``, and with nav2_msgs the action ``follow_path`` → ``cmd_vel_out`` and
+``blocked``. Sensors are named by :class:`qpavoid.ros.guard.Wiring`; an Empty on
+``~/acknowledge`` opens the latch. Outputs: ``~/feedback``, ``~/bounds`` (points that
+bound the twist), ``~/markers``, ``~/local_map``, ``~/latency`` (s, from the arrival of
+a scan to the twist), ``/diagnostics``.
+
+A twist is published when a scan arrives and ``dt_s`` has passed since the last one, and
+without a scan after ``dt_s`` (1 + ``actuation.jitter``): without commands the robot
+evades, too. While the node is not active it publishes none.
 
 rclpy comes with ROS (``Dockerfile`` beside the configurations), from RoboStack's conda
 channel without apt, or from PyPI on x86-64 (``ros-jazzy-rclpy``).
@@ -23,8 +26,16 @@ from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import Point, Twist, TwistStamped
-from nav_msgs.msg import OccupancyGrid, Odometry
+from geometry_msgs.msg import (
+    Point,
+    PolygonStamped,
+    Pose,
+    PoseArray,
+    PoseStamped,
+    Twist,
+    TwistStamped,
+)
+from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -32,15 +43,17 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import LaserScan, PointCloud2
-from std_msgs.msg import ColorRGBA, Empty, Float64
+from std_msgs.msg import Bool, ColorRGBA, Empty, Float64
 from visualization_msgs.msg import Marker, MarkerArray
 
+from qpavoid.avoidance.decision import Status
 from qpavoid.errors import QPAvoidError
 from qpavoid.model.trail import relative
-from qpavoid.ros.guard import Guard, GuardStep, Wiring
+from qpavoid.ros.follow_path import FollowPathServer
+from qpavoid.ros.guard import TF, Guard, GuardStep, Wiring
 from qpavoid.ros.messages import NANOSECOND
 from qpavoid.ros.parameters import SHAPE, Running, defaults, preset, setup_of
-from qpavoid.ros.report import Drawing, diagnose, markers, warm
+from qpavoid.ros.report import Drawing, bounds, diagnose, markers, warm
 from qpavoid.types import Pair
 
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -51,7 +64,20 @@ LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """QoS of tf, and of static tf."""
 
 MARKERS_EVERY, DIAGNOSTICS_EVERY = 0.2, 1.0
-"""s; periods of markers and of diagnostics."""
+"""s; periods of markers and feedback, and of diagnostics."""
+
+TASKS = {"goal_pose": PoseStamped, "path": Path, "stay": PoseStamped}
+"""Topics of the guide role."""
+
+OUTPUTS = {
+    "~/markers": MarkerArray,
+    "~/local_map": OccupancyGrid,
+    "~/latency": Float64,
+    "~/feedback": DiagnosticStatus,
+    "~/bounds": PoseArray,
+    "/diagnostics": DiagnosticArray,
+}
+"""Topics of both roles."""
 
 SUCCESS, STRIP, LINES = (
     TransitionCallbackReturn.SUCCESS,
@@ -68,11 +94,13 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         named = Running()._asdict().items(), Wiring()._asdict().items()
         run, wired = ({k: self._own(k, x, True) for k, x in own} for own in named)
         self._run, self._wiring = Running(**run), Wiring(**wired)
-        self._robot = preset(self._run.robot_preset)
+        self._robot = preset(self._run.robot_preset, self._run.footprint_text)
         self._values = {k: self._own(k, x) for k, x in defaults(self._robot).items()}
         self.add_on_set_parameters_callback(self._on_parameters)
         self._guard: Guard | None = None
         self._heard: list[Any] = []
+        self._said: dict[str, Any] = {}
+        self._action: FollowPathServer | None = None
         self._timer: Any = None
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._latency: deque[float] = deque(maxlen=1000)
@@ -85,7 +113,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         told = ParameterDescriptor(read_only=fixed)
         if not isinstance(default, tuple):
             return self.declare_parameter(name, default, told).value
-        numbers = name.endswith(("frame_poses", "mask_boxes_m", SHAPE))
+        numbers = name in ("frame_poses", "mask_boxes_m", "dock_m", SHAPE)
         kind = Parameter.Type.DOUBLE_ARRAY if numbers else Parameter.Type.STRING_ARRAY
         given = self.declare_parameter(name, kind, told).value
         return default if given is None else tuple(filter(lambda x: x != "", given))
@@ -94,6 +122,11 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
     def autostart(self) -> bool:
         """Whether to configure and activate at once."""
         return self._run.autostart
+
+    @property
+    def is_active(self) -> bool:
+        """Whether twists are published."""
+        return self._timer is not None
 
     def _now(self) -> Pair:
         """Return the times of the stamps' clock and of the monotonic one, s."""
@@ -119,7 +152,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             setup = setup_of(self._values, self._robot, self._run.dt_s)
             warm(Guard(setup, self._wiring))
             guard = Guard(setup, self._wiring)
-            if self._run.tf:
+            if self._run.tf or self._wiring.odometry == TF:
                 self._hear_frames(guard)
         except (QPAvoidError, ImportError) as error:
             self.get_logger().error(str(error))
@@ -128,30 +161,46 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         if "perception" in guard.errors:
             self.get_logger().warning(guard.errors["perception"])
         self._kind = TwistStamped if self._run.stamped else Twist
-        self._out = self.create_publisher(self._kind, "cmd_vel_out", 1)
-        self._markers = self.create_publisher(MarkerArray, "~/markers", 1)
-        self._map = self.create_publisher(OccupancyGrid, "~/local_map", 1)
-        self._ages = self.create_publisher(Float64, "~/latency", 1)
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 1)
         kinds = dict.fromkeys(wiring.scans, LaserScan) | {wiring.odometry: Odometry}
+        kinds[wiring.costmap] = OccupancyGrid
         for name in wiring.topics:
             kind, call = kinds.get(name, PointCloud2), partial(self._on_input, name)
-            self._heard.append(self.create_subscription(kind, name, call, NEWEST))
-        for kind, name, hear in (
-            (self._kind, "cmd_vel_in", lambda m: guard.command(m, *self._now())),
-            (Empty, "~/acknowledge", lambda _: guard.latch.acknowledge()),
-        ):
-            self._heard.append(self.create_subscription(kind, name, hear, 1))
+            if name != TF:
+                self._hear(kind, name, call, NEWEST)
+        self._hear(Empty, "~/acknowledge", lambda _: guard.latch.acknowledge())
+        if wiring.footprint:
+            self._hear(PolygonStamped, wiring.footprint, guard.outline)
+        said = {"cmd_vel_out": self._kind, **OUTPUTS}
+        if wiring.role == "guide":
+            said["blocked"] = Bool
+            for name, kind in TASKS.items():
+                self._hear(kind, name, partial(self._on_task, name))
+            self._action = FollowPathServer.of(self, guard)
+        else:
+            take = lambda m: guard.command(m, *self._now())  # noqa: E731
+            self._hear(self._kind, "cmd_vel_in", take)
+        self._said = {k: self.create_publisher(x, k, 1) for k, x in said.items()}
         return SUCCESS
+
+    def _hear(self, kind: Any, name: str, call: Any, qos: Any = 1) -> None:
+        self._heard.append(self.create_subscription(kind, name, call, qos))
+
+    def _on_task(self, kind: str, message: Any) -> None:
+        """Give a task to the guide; a refused one is logged."""
+        guard, refused = self._guard, "the node is not active"
+        if guard is not None and self.is_active:
+            refused = guard.task(kind, message)
+        if refused:
+            self.get_logger().warning(f"{kind} is refused: {refused}")
 
     def _hear_frames(self, guard: Guard) -> None:
         """Subscribe to tf, whose messages come with ROS."""
         from tf2_msgs.msg import TFMessage
 
-        for topic, fixed in (("/tf", False), ("/tf_static", True)):
-            call = partial(guard.frames.add, fixed=fixed)
-            qos = LATCHED if fixed else MANY
-            self._heard.append(self.create_subscription(TFMessage, topic, call, qos))
+        moved = lambda m: guard.transforms(m, *self._now())  # noqa: E731
+        self._hear(TFMessage, TF, moved, MANY)
+        fixed = partial(guard.frames.add, fixed=True)
+        self._hear(TFMessage, "/tf_static", fixed, LATCHED)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish twists from now on; the robot stands until all inputs are valid."""
@@ -170,10 +219,11 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         """Reset all but the parameters."""
         for heard in self._heard:
             self.destroy_subscription(heard)
-        said = self._out, self._markers, self._map, self._ages, self._diagnostics
-        for publisher in said:
+        for publisher in self._said.values():
             self.destroy_publisher(publisher)
-        self._heard, self._guard = [], None
+        if self._action is not None:
+            self._action.destroy()
+        self._heard, self._said, self._guard, self._action = [], {}, None, None
         return SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -185,6 +235,8 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         if self._timer is not None:
             self.destroy_timer(self._timer)
             self._timer = None
+            if self._action is not None:
+                self._action.end("deactivated")
             self._give(0.0, 0.0)
             if self._guard is not None:
                 self._guard.stop()
@@ -213,7 +265,8 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         if guard is None:
             return
         self._due = steady + self._run.dt_s
-        driven = guard.trail.twist if self._run.driven_from_odometry else None
+        measured = self._run.driven_from_odometry or guard.wiring.role == "guide"
+        driven = guard.trail.twist if measured else None
         try:
             step = guard.step(now, steady, driven)
         except Exception as error:
@@ -223,18 +276,43 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         self._steps += 1
         if self._arrival > self._answered:
             self._latency.append(self._now()[1] - self._arrival)
-            self._ages.publish(Float64(data=self._latency[-1]))
+            self._said["~/latency"].publish(Float64(data=self._latency[-1]))
             self._answered = self._arrival
-        if steady - self._drawn >= MARKERS_EVERY:
-            self._drawn = steady
-            if self._markers.get_subscription_count():
-                self._markers.publish(self._as_markers(markers(guard, step)))
-            if self._map.get_subscription_count():
-                self._publish_map(guard)
+        if "blocked" in self._said and step.decision is not None:
+            blocked = step.decision.status is Status.BLOCKED
+            self._said["blocked"].publish(Bool(data=blocked))
+        if self._action is not None:
+            self._action.step(step)
         state = f"{step.faults} {step.decision and step.decision.status}"
-        if steady - self._told >= DIAGNOSTICS_EVERY or state != self._state:
-            self._tell(guard, step, steady)
-        self._state = state
+        news, self._state = state != self._state, state
+        if news or steady - self._drawn >= MARKERS_EVERY:
+            self._drawn = steady
+            self._show(guard, step)
+        if news or steady - self._told >= DIAGNOSTICS_EVERY:
+            message = DiagnosticArray(status=[self._status(guard, step, steady)])
+            message.header.stamp = self.get_clock().now().to_msg()
+            self._said["/diagnostics"].publish(message)
+            self._told, self._steps = steady, 0
+
+    def _show(self, guard: Guard, step: GuardStep) -> None:
+        """Publish markers, map, bounds and feedback to those who subscribe."""
+        heard = {k for k, x in self._said.items() if x.get_subscription_count()}
+        if "~/markers" in heard:
+            shown = self._as_markers(markers(guard, step))
+            self._said["~/markers"].publish(shown)
+        if "~/local_map" in heard:
+            self._publish_map(guard)
+        if "~/feedback" in heard:
+            status = self._status(guard, step, self._now()[1])
+            self._said["~/feedback"].publish(status)
+        if "~/bounds" in heard:
+            found = PoseArray()
+            found.header.frame_id = self._wiring.base_frame
+            found.header.stamp = self.get_clock().now().to_msg()
+            for x, y in bounds(guard.setup.robot.footprint, step).end.tolist():
+                found.poses.append(Pose())
+                found.poses[-1].position = Point(x=x, y=y)
+            self._said["~/bounds"].publish(found)
 
     def _publish_map(self, guard: Guard) -> None:
         """Publish the local map, on the base at the last scan."""
@@ -253,7 +331,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             math.sin(0.5 * heading),
             math.cos(0.5 * heading),
         )
-        self._map.publish(grid)
+        self._said["~/local_map"].publish(grid)
 
     def _give(self, v: float, omega: float) -> None:
         """Publish a twist."""
@@ -263,22 +341,17 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             message.header.stamp = self.get_clock().now().to_msg()
             message.header.frame_id = self._wiring.base_frame
         twist.linear.x, twist.angular.z = v, omega
-        self._out.publish(message)
+        self._said["cmd_vel_out"].publish(message)
 
-    def _tell(self, guard: Guard, step: GuardStep, steady: float) -> None:
-        """Publish diagnostics."""
+    def _status(self, guard: Guard, step: GuardStep, steady: float) -> Any:
+        """Return a step as a status of diagnostics."""
         rate = self._steps / max(steady - self._told, self._run.dt_s)
         found = diagnose(guard, step, self._latency, rate)
         status = DiagnosticStatus(level=bytes([found.level]), message=found.message)
-        status.name, status.hardware_id = (
-            self.get_fully_qualified_name(),
-            self._robot.name,
-        )
+        status.name = self.get_fully_qualified_name()
+        status.hardware_id = self._robot.name
         status.values = [KeyValue(key=k, value=x) for k, x in found.values.items()]
-        message = DiagnosticArray(status=[status])
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(message)
-        self._told, self._steps = steady, 0
+        return status
 
     def _as_markers(self, drawn: list[Drawing]) -> MarkerArray:
         """Return lines as markers on the base, one per namespace."""

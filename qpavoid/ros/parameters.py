@@ -5,6 +5,7 @@ Names, units, ranges and defaults are those that the settings declare
 kept.
 """
 
+import json
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -14,9 +15,12 @@ import numpy as np
 from qpavoid.avoidance.inputs import Freshness
 from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
 from qpavoid.errors import InvalidInputError, UnknownNameError
+from qpavoid.guide.settings import GuideSettings
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.ros.guard import GuardSetup
+from qpavoid.ros.messages import counter_clockwise
+from qpavoid.ros.modes import DriveSettings
 from qpavoid.ros.perceiver import NodePerception
 from qpavoid.settings import declared, want
 
@@ -27,6 +31,8 @@ TABLES: dict[str, type[Any]] = {
     "filter": AvoidanceSettings,
     "freshness": Freshness,
     "perception": NodePerception,
+    "guide": GuideSettings,
+    "drive": DriveSettings,
     "robot": Limits,
 }
 """Tables that can be changed at run time."""
@@ -42,30 +48,40 @@ class Running(NamedTuple):
     Attributes:
         dt_s: Control step: least time between two twists.
         robot_preset: As in scenario files.
+        footprint_text: ``[[x, y], …]``, as of a costmap of Nav2; empty: the preset's.
         stamped: Commands are TwistStamped, in and out; else Twist.
         tf: Listen to ``/tf`` and ``/tf_static`` for frames that are not named.
-        driven_from_odometry: Odometry's twist is the filter's ``driven``.
+        driven_from_odometry: Odometry's twist is the filter's ``driven``, as it always
+            is in the guide role.
         autostart: Configure and activate at the start.
     """
 
     dt_s: float = 0.02
     robot_preset: str = "mir100"
+    footprint_text: str = ""
     stamped: bool = False
     tf: bool = False
     driven_from_odometry: bool = False
     autostart: bool = True
 
 
-def preset(name: str) -> Robot:
-    """Return a robot by the name of its preset.
+def preset(name: str, outline: str = "") -> Robot:
+    """Return a robot by the name of its preset; ``outline``: of another shape.
 
     Raises:
         UnknownNameError: There is none.
+        InvalidInputError: The outline is not the text of a simple polygon.
     """
     if name not in PRESETS:
         raise UnknownNameError("robot", name, PRESETS)
     made: Robot = getattr(Robot, name)()
-    return made
+    if not outline:
+        return made
+    try:
+        corners = np.array(json.loads(outline), dtype=np.float64).reshape(-1, 2)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"footprint_text: {error}") from None
+    return replace(made, footprint=Footprint.polygon(counter_clockwise(corners)))
 
 
 def defaults(robot: Robot) -> dict[str, Any]:
@@ -101,7 +117,8 @@ def setup_of(values: Mapping[str, Any], robot: Robot, dt: float) -> GuardSetup:
     robot = replace(robot, footprint=footprint, limits=_made("robot", values))
     parts = {name: _made(name, values) for name in PARTS}
     settings = _made("filter", values, dt=dt, **parts)
-    rest = (_made(name, values) for name in ("freshness", "perception"))
+    tables = "freshness", "perception", "guide", "drive"
+    rest = (_made(name, values) for name in tables)
     return GuardSetup(robot, settings, *rest)
 
 

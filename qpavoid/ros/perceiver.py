@@ -2,7 +2,8 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated
+from functools import lru_cache
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -78,18 +79,17 @@ class Perceiver:
         if seen.stamp < self._latest - SETBACK:
             self.forget()
         self._latest, values, said = max(self._latest, seen.stamp), None, ""
-        fan, upright = seen.fan, abs(place.rotation[2, 2]) >= UPRIGHT
+        model, fan = self.settings, seen.fan
+        upright = abs(place.rotation[2, 2]) >= UPRIGHT
         if fan is not None and upright and len(fan.ranges) <= turn_of(fan) + 1:
-            lidar, values = planar(fan, place)
+            lidar, values = planar(fan, place, model)
             many = self._beams.setdefault(topic, len(values))
             if many != len(values):
                 said = f"{len(values)} beams, {many} before: it counts as a new sensor"
             self._beams[topic] = len(values)
         else:
             x, y = place.translation[:2].tolist()
-            lidar = Lidar(mount=(x, y, 0.0), range_max=CLOUD_RANGE, range_min=0.0)
-        model = self.settings
-        lidar = replace(lidar, no_echo=model.no_echo, angle_error=model.angle_error)
+            lidar = device(model, mount=(x, y, 0.0), range_max=CLOUD_RANGE)
         if self.perception is None:
             self.perception = Perception(self.robot, {topic: lidar}, model)
         known = self.perception.lidars.get(topic)
@@ -116,6 +116,13 @@ class Perceiver:
             return NO_OBSTACLES
         return self.perception.obstacles(now, pose)
 
+    def place_of(self, number: int) -> Array | None:
+        """Return the place (2,) of a track in the odometry frame; None without it."""
+        if number < 0 or self.perception is None:
+            return None
+        known = {one.name: one.position for one in self.perception.explain().tracks}
+        return np.array(known[number]) if number in known else None
+
     def explain(self) -> Explanation | None:
         """Return map and tracks after the last message; None if none is in the map."""
         if self.perception is None or not self.taken:
@@ -123,7 +130,14 @@ class Perceiver:
         return self.perception.explain()
 
 
-def planar(fan: Fan, place: Transform) -> tuple[Lidar, Array]:
+@lru_cache(maxsize=64)
+def device(model: NodePerception, **known: Any) -> Lidar:
+    """Return a sensor; its settings are checked once, not for every message."""
+    known |= {"no_echo": model.no_echo, "angle_error": model.angle_error}
+    return Lidar(range_min=0.0, **known)
+
+
+def planar(fan: Fan, place: Transform, model: NodePerception) -> tuple[Lidar, Array]:
     """Return a scanner in the plane of the base, and its ranges from right to left, m.
 
     The scanner may be upside down; ranges are those on the base. A last beam in the
@@ -141,11 +155,11 @@ def planar(fan: Fan, place: Transform) -> tuple[Lidar, Array]:
     whole = 1 < many == turn
     view = 2.0 * math.pi if whole else max(abs(fan.step) * (many - 1), LEAST_VIEW)
     heading = math.atan2(right[1], right[0]) + 0.5 * view
-    lidar = Lidar(
+    lidar = device(
+        model,
         field_of_view=view,
         mount=(*place.translation[:2].tolist(), heading),
         range_max=min(fan.far * (1.0 + 2.0 * RANGE_ROUNDING), SCAN_RANGE),
-        range_min=0.0,
         sweep=-fan.span if is_mirrored else fan.span,
         delay=max(-fan.span, 0.0),
     )
@@ -160,5 +174,7 @@ def turn_of(fan: Fan) -> int:
 
 def is_same(known: Lidar, lidar: Lidar) -> bool:
     """Return whether two sensors are the same, but for jitter of the sweep's time."""
+    if known == lidar:
+        return True
     jitter = abs(lidar.sweep - known.sweep) <= SAME_SWEEP * abs(known.sweep)
     return jitter and replace(lidar, sweep=known.sweep, delay=known.delay) == known

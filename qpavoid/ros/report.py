@@ -85,12 +85,19 @@ def diagnose(
     else:
         warns = decision.status in HINDERED or bool(step.notes)
         level, values["status"] = int(warns), decision.status
+        held = bounds(guard.setup.robot.footprint, step).said
+        limited = (step.v, step.omega) != step.desired and guard.guide is None
+        values["bound by"] = "; ".join(held) or "limits of the robot" * limited
         numbers |= {"clearance_m": decision.clearance, "slack_mps": decision.slack}
         numbers |= {"shortfall_m": decision.shortfall, "solve_s": decision.solve_time_s}
     if latency:
         p50, p99 = np.quantile(latency, (0.5, 0.99)).tolist()
         numbers |= {"latency_p50_s": p50, "latency_p99_s": p99}
+    numbers |= dict(zip(("left_m", "left_rad"), guard.left, strict=True))
     values |= {key: f"{number:.4g}" for key, number in numbers.items()}
+    values |= {"arrived": str(guard.has_arrived), "role": guard.wiring.role}
+    values |= {f"steps with {why}": str(n) for why, n in guard.faults.items()}
+    values["mode"] = guard.setup.drive.mode
     for name, watch in guard.watches.items():
         state = step.faults.get(name, "fresh")
         refused = ", ".join(f"{n} {why}" for why, n in watch.refused.items() if n)
@@ -103,9 +110,9 @@ def diagnose(
 def markers(guard: Guard, step: GuardStep) -> list[Drawing]:
     """Return footprint, zones, active contacts, plan and discs of a step."""
     robot, settings = guard.setup.robot, guard.setup.settings
-    brakes, lines, plan = step.decision is None, np.empty((0, 2)), BRAKE
-    if not brakes:
-        lines, plan = contact_lines(robot.footprint, step), guard.safety.plan
+    brakes, held = step.decision is None, bounds(robot.footprint, step)
+    plan = BRAKE if brakes else guard.safety.plan
+    lines = np.stack([held.start, held.end], axis=1).reshape(-1, 2)
     footprint, radius = robot.footprint, settings.radius
     slow, fast = (
         sides([offset_outline(x, r, 5) for x in footprint.parts])
@@ -152,19 +159,36 @@ def sides(polygons: Sequence[Array]) -> Array:
     return np.concatenate(ends).reshape(-1, 2)
 
 
-def contact_lines(footprint: Footprint, step: GuardStep) -> Array:
-    """Return the lines (2 n, 2) from the robot to its active obstacles, m."""
-    active = step.decision.active if step.decision is not None else ()
-    contacts = Contacts.of(footprint, step.obstacles)
-    rows = np.isin(contacts.obstacle, active)
-    start = contacts.point[rows]
-    end = start + contacts.distance[rows, None] * contacts.normal[rows]
-    return np.stack([start, end], axis=1).reshape(-1, 2)
+class Bounds(NamedTuple):
+    """Contacts whose constraints bound a twist: ends (n, 2) on robot and obstacle, m.
+
+    ``said``: a description of each.
+    """
+
+    start: Array
+    end: Array
+    said: list[str]
+
+
+def bounds(footprint: Footprint, step: GuardStep) -> Bounds:
+    """Return the contacts of a step with active constraints."""
+    active, seen = step.decision.active if step.decision else (), step.obstacles
+    contacts = Contacts.of(footprint, seen)
+    rows = np.flatnonzero(np.isin(contacts.obstacle, active))
+    start, gaps = contacts.point[rows], contacts.distance[rows]
+    end, said = start + gaps[:, None] * contacts.normal[rows], []
+    speeds = np.append(np.zeros(len(seen.points)), seen.speeds[seen.starts])
+    for number, gap, (x, y) in zip(contacts.obstacle[rows], gaps, end, strict=True):
+        kind = "moving" if speeds[number] > 0.0 else "static"
+        said.append(f"{kind} obstacle at {x:.2f}, {y:.2f} m, {gap:.3f} m away")
+    return Bounds(start, end, said)
 
 
 def warm(guard: Guard) -> None:
     """Compile all functions that a step calls."""
     seen = Obstacles(points=[(9.0, 9.0)], discs=[(9.0, -9.0, 0.1)])
     guard.safety.filter(0.0, 0.0, seen)
+    if guard.guide is not None:
+        guard.guide.step(ORIGIN, seen)
     Perception(guard.setup.robot).update([9.0] * 9, 0.0, ORIGIN)
     markers(guard, guard.step(0.0, 0.0))

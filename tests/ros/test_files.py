@@ -1,16 +1,23 @@
-"""The launch file and the Dockerfile: syntax, and that what they name is there."""
+"""Launch files, package and Dockerfile: syntax, and that what they name is there."""
 
 import ast
+import configparser
+import os
 import re
 import shlex
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+from xml.etree import ElementTree
 
 import yaml
 
 from places import ROOT
 from qpavoid.cli import main
+from qpavoid.ros.guard import Wiring
+from qpavoid.ros.parameters import Running, defaults, preset
 
 FOLDER = ROOT / "configs" / "ros"
 KINDS = {"arg", "executable", "node", "include", "group", "let"}
@@ -49,6 +56,60 @@ def test_the_launch_file_starts_the_command(monkeypatch):
         assert "cmd_vel_in:=cmd_vel_smoothed" in ros and "cmd_vel_out:=cmd_vel" in ros
     words = shlex.split(filled(run["cmd"], given))
     assert words[words.index("--params") + 1] in {f.stem for f in FOLDER.glob("*.yaml")}
+
+
+PACKAGE = ROOT / "qpavoid" / "ros" / "package"
+
+
+def test_the_package_starts_the_node_with_parameters_that_it_has():
+    """Launch has no wheels on PyPI: its file is parsed."""
+    launch = ElementTree.parse(PACKAGE / "launch" / "qpavoid.launch.xml").getroot()
+    given = {one.get("name"): one.get("default") for one in launch.iter("arg")}
+    (node,) = launch.iter("node")
+    used = re.findall(r"\$\(var (\w+)\)", ElementTree.tostring(launch, "unicode"))
+    assert set(used) == set(given) and given["role"] == Wiring().role
+    known = {*Wiring._fields, *Running._fields, *defaults(preset("jackal"))}
+    names = {one.get("name") for one in node.iter("param")} - {None, "use_sim_time"}
+    assert names == {"role", "drive.mode", "autostart"} and names <= known
+    config = configparser.ConfigParser()
+    config.read(PACKAGE / "setup.cfg")
+    script, _, target = config["options.entry_points"]["console_scripts"].partition("=")
+    assert (node.get("pkg"), node.get("exec")) == ("qpavoid_ros", script.strip())
+    assert target.strip() == "qpavoid.ros.node:main"
+
+
+def test_the_package_depends_on_all_that_the_node_imports():
+    manifest = ElementTree.parse(PACKAGE / "package.xml").getroot()
+    depends = {one.text for one in manifest.iter("exec_depend")}
+    trees = [ast.parse(file.read_text()) for file in PACKAGE.parent.glob("*.py")]
+    imports = [x for tree in trees for x in ast.walk(tree)]
+    roots = {x.module.split(".")[0] for x in imports if isinstance(x, ast.ImportFrom)}
+    assert {x for x in roots if x.endswith("_msgs") or x[:3] == "rcl"} <= depends
+    assert manifest.find("name").text == "qpavoid_ros"
+
+
+def test_the_package_is_built_as_ament_does(tmp_path):
+    """As colcon installs a package of ament_python: by its setup.py."""
+    source = tmp_path / "source"
+    shutil.copytree(PACKAGE, source)
+    run = [sys.executable, "setup.py", "-q", "install", "--prefix", str(tmp_path)]
+    more = ["--single-version-externally-managed", "--record", str(tmp_path / "files")]
+    environment = os.environ | {"PYTHONWARNINGS": "ignore"}
+    subprocess.run([*run, *more], cwd=source, check=True, env=environment)
+    assert (tmp_path / "lib" / "qpavoid_ros" / "node").stat().st_mode & 0o100
+    share = tmp_path / "share"
+    assert (share / "ament_index/resource_index/packages/qpavoid_ros").is_file()
+    assert (share / "qpavoid_ros" / "package.xml").is_file()
+    assert (share / "qpavoid_ros" / "launch" / "qpavoid.launch.xml").is_file()
+
+
+def test_the_sample_for_nav2_gives_the_node_a_manager_without_bond():
+    told = yaml.safe_load((FOLDER / "nav2" / "nav2_params.yaml").read_text())
+    managed = {k: x["ros__parameters"] for k, x in told.items() if "manager" in k}
+    own = managed.pop("lifecycle_manager_qpavoid")
+    assert own["node_names"] == ["qpavoid"] and own["bond_timeout"] == 0.0
+    for other in managed.values():
+        assert not {"qpavoid", "controller_server"} & {*other["node_names"]}
 
 
 def steps():

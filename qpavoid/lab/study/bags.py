@@ -1,8 +1,8 @@
 """Recorded drives as messages in the order of time: rosbag2.
 
-A bag is a folder of rosbag2, one ``.mcap`` or ``.db3`` file, or a ROS 1 ``.bag``; its
-messages are read by the types that it holds, without ROS. A drive that is written is a
-folder of rosbag2 with an MCAP file, as Foxglove and ``ros2 bag`` open it.
+A bag is a folder of rosbag2, one of its ``.mcap`` or ``.db3`` files, or a ROS 1
+``.bag``; its messages are read by the types that it holds, without ROS. A drive that is
+written is a folder with an MCAP file, as Foxglove and ``ros2 bag`` open it.
 """
 
 import math
@@ -41,6 +41,9 @@ SET_BACK = 1.0
 
 COMMANDS = "cmd_vel_in", "cmd_vel_nav", "cmd_vel_smoothed", "cmd_vel"
 """How commands are called, the first that there is: before a monitor, then after."""
+
+SPLITS = ".mcap", ".db3"
+"""Suffixes of the files of rosbag2."""
 
 NO_TOPIC = "odometry of a robot at rest"
 """Name of a topic that is not in the bag."""
@@ -166,15 +169,7 @@ def perceivable(drive: Recording) -> Recording:
 
 
 def odometry_and_commands(path: Path, command: str) -> list[Event]:
-    """Return only these of a bag, as ``odometry`` and ``command``.
-
-    Args:
-        path: As :func:`bag_drive` takes it.
-        command: The same.
-
-    Raises:
-        QPAvoidError: The same.
-    """
+    """Return only these of a bag, as ``odometry`` and ``command``; see bag_drive."""
 
     def choose(held: dict[str, str]) -> dict[str, str]:
         odometry = found_topics(held).odometry
@@ -199,15 +194,17 @@ def read_bag(
     highlevel, _ = _rosbags()
     if not path.exists():
         raise DataError(f"{path}: no such file or folder")
-    if path.is_dir() and not (path / "metadata.yaml").exists():
-        raise DataError(f"{path}: no bag of ROS 2; its metadata.yaml is not there")
+    before, files = _files(path)
     with reading(path):
-        for file in path.iterdir() if path.is_dir() else [path]:
-            open_file(below(file, path), MOST_BAG).close()
-        with highlevel.AnyReader([path], default_typestore=_types()) as reader:
-            topics = choose({one.topic: one.msgtype for one in reader.connections})
-            wanted = {*topics, STATIC}
-            chosen = [one for one in reader.connections if one.topic in wanted]
+        for file in (*before, *(path.iterdir() if path.is_dir() else files)):
+            open_file(below(file, path, *before), MOST_BAG).close()
+        types, files = _types(), [*before, *files]
+        with highlevel.AnyReader(files, default_typestore=types) as reader:
+            early = (len(x.connections) for x in reader.readers[: len(before)])
+            own = reader.connections[sum(early) :]
+            topics = choose({one.topic: one.msgtype for one in own})
+            chosen = [one for one in own if one.topic in topics]
+            chosen += [one for one in reader.connections if one.topic == STATIC]
             messages = [
                 (1e-9 * time, one.topic, reader.deserialize(data, one.msgtype))
                 for one, time, data in _no_more(reader.messages(chosen))
@@ -223,6 +220,25 @@ def read_bag(
     times = stamp_clock(*clocks[0].T)(now).tolist() if clocks else now.tolist()
     pairs = zip(times, rest, strict=True)
     return static, [Event(time, topics[topic], one) for time, (_, topic, one) in pairs]
+
+
+def _files(path: Path) -> tuple[list[Path], list[Path]]:
+    """Return the first split, where a later one is given, and what is opened of a bag.
+
+    Recorders write static transforms into the first split alone. A folder without
+    metadata is all of its files.
+    """
+    if path.is_dir():
+        if (path / "metadata.yaml").exists():
+            return [], [path]
+        files = sorted(one for one in path.iterdir() if one.suffix in SPLITS)
+        if not files:
+            raise DataError(f"{path}: no bag of ROS 2; its metadata.yaml is not there")
+        return [], files
+    stem, _, number = path.stem.rpartition("_")
+    first = path.with_name(f"{stem}_0{path.suffix}")
+    later = path.suffix in SPLITS and number.isdigit() and first != path
+    return [first] if later and first.is_file() else [], [path]
 
 
 def _no_more(messages: Iterable[tuple[Any, int, bytes]]) -> Iterator[Any]:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from qpavoid.avoidance.inputs import Fault, Freshness
+from qpavoid.avoidance.inputs import Freshness
 from qpavoid.errors import (
     ConfigError,
     DataError,
@@ -58,9 +58,6 @@ UNREAD = "command cannot be read"
 
 PANELS, SHOWN = 6, 6.0
 """Of the figure of perception; m that it shows on each side of the robot."""
-
-OF_CONTENT = {Fault.INVALID, Fault.BLIND, Fault.JUMPED}
-"""Faults that the guard has an error text of."""
 
 
 class Parameters(NamedTuple):
@@ -117,7 +114,8 @@ def read_parameters(path: Path) -> Parameters:
     except (AttributeError, KeyError, TypeError, ValueError):
         raise ConfigError([f"{path}: needs one node with ros__parameters"]) from None
     try:
-        robot = preset(str(given.get("robot_preset", Running().robot_preset)))
+        named = Running()._asdict() | given
+        robot = preset(str(named["robot_preset"]), str(named["footprint_text"]))
         known = Running()._asdict() | Wiring()._asdict() | defaults(robot)
         unknown = [key for key in given if key not in known]
         if unknown:
@@ -195,7 +193,8 @@ def replay(drive: Recording, setup: GuardSetup) -> Replayed:
         DataError: There are no others, or a topic is stamped by another clock.
     """
     fresh = replace(setup.freshness, good=0.0)
-    guard = Guard(setup._replace(freshness=fresh), drive.wiring)
+    wired = drive.wiring._replace(role="filter")
+    guard = Guard(setup._replace(freshness=fresh), wired)
     _want_one_clock(drive, guard)
     for message in drive.static:
         guard.frames.add(message, fixed=True)
@@ -206,7 +205,7 @@ def replay(drive: Recording, setup: GuardSetup) -> Replayed:
     done, last = Replayed(drive, guard, [], [], [], []), (0.0, 0.0)
     for event in drive.events:
         if event.topic == "tf":
-            guard.frames.add(event.message)
+            guard.transforms(event.message, event.time, event.time)
         elif event.topic == "command":
             guard.command(event.message, event.time, event.time)
         else:
@@ -219,7 +218,7 @@ def replay(drive: Recording, setup: GuardSetup) -> Replayed:
             recorded = _recorded(event)
             last = recorded or (0.0, 0.0)
             row = _row(last, step, setup.robot.limits)
-            row["reason"] = _reason(guard, step)
+            row["reason"] = step.sentence
             if recorded is None:
                 why = guard.errors.get("command", UNREAD)
                 row |= {"changed": True, "why": UNREAD, "reason": why}
@@ -238,21 +237,17 @@ def replay(drive: Recording, setup: GuardSetup) -> Replayed:
         said = "; ".join(f"{name} ({_refusals(guard, name)})" for name in never)
         raise DataError(f"never seen before a command: {said}")
     if not drive.has_commands and all(one.decision is None for one in done.steps):
-        raise DataError(f"neither commands nor obstacles. {_reason(guard, step)}")
+        raise DataError(f"neither commands nor obstacles. {step.sentence}")
     return done
 
 
 def _want_one_clock(drive: Recording, guard: Guard) -> None:
     """Refuse a topic most of whose messages are too old, or ahead, when received."""
-    received: dict[str, list[tuple[float, float]]] = {}
+    late: dict[str, list[float]] = {}
     for time, topic, message in drive.events:
         if hasattr(message, "header"):
-            pair = time, seconds(message.header.stamp)
-            received.setdefault(topic, []).append(pair)
-    ages = {
-        topic: float(np.median([time - stamp for time, stamp in some]))
-        for topic, some in received.items()
-    }
+            late.setdefault(topic, []).append(time - seconds(message.header.stamp))
+    ages = {topic: median(some) for topic, some in late.items()}
     said = ", ".join(f"{topic} {age:.3f} s" for topic, age in ages.items())
     fresh = guard.setup.freshness
     for topic, age in ages.items():
@@ -271,17 +266,6 @@ def _refusals(guard: Guard, topic: str) -> str:
     refused = guard.watches[topic].refused.items()
     said = [f"{many} refused: {fault}" for fault, many in refused if many]
     return ", ".join([*said, guard.errors.get(topic, "")]).strip(", ") or "no message"
-
-
-def _reason(guard: Guard, step: GuardStep) -> str:
-    """Return the sentence of a step; of faults of content with the last error."""
-    if step.decision is not None or not step.faults:
-        return step.sentence
-    said = []
-    for name, fault in step.faults.items():
-        why = guard.errors.get(name) if fault in OF_CONTENT else None
-        said.append(f"{name}: {fault.sentence}" + (f" ({why})" if why else ""))
-    return " ".join(said)
 
 
 def _recorded(event: Event) -> Twist | None:
@@ -386,12 +370,16 @@ def tracks(rows: Sequence[Mapping[str, Any]], start: float) -> list[dict[str, An
 
 def summary(replayed: Replayed) -> dict[str, Any]:
     """Return the numbers of a replay, its moving obstacles, and its episodes."""
-    rows = replayed.rows
+    rows, guard = replayed.rows, replayed.guard
+    refused = [k for k, x in guard.watches.items() if any(x.refused.values())]
     found = {
         "steps": len(rows),
         "seconds": round(rows[-1]["time_s"] - rows[0]["time_s"], 3),
         "movers": tracks(movers(replayed), rows[0]["time_s"]),
-        "notes": [*replayed.drive.notes],
+        "notes": [
+            *replayed.drive.notes,
+            *(f"{name}: {_refusals(guard, name)}" for name in refused),
+        ],
     }
     if not replayed.drive.has_commands:
         return found
@@ -531,9 +519,8 @@ def _status(bag: BagWriter, guard: Guard, step: GuardStep) -> Any:
     status = bag.blank("diagnostic_msgs/msg/DiagnosticStatus")
     status.level, status.message, status.name = found.level, found.message, "qpavoid"
     for key, value in found.values.items():
-        pair = bag.blank("diagnostic_msgs/msg/KeyValue")
-        pair.key, pair.value = key, value
-        status.values.append(pair)
+        status.values.append(bag.blank("diagnostic_msgs/msg/KeyValue"))
+        vars(status.values[-1]).update(key=key, value=value)
     return status
 
 
@@ -545,7 +532,9 @@ def _marker(bag: BagWriter, one: Drawing, time: float, frame: str) -> Any:
     marker.scale.x, marker.pose.orientation.w = 0.02, 1.0
     for name, share in zip("rgba", one.colour, strict=True):
         setattr(marker.color, name, share)
-    marker.points = [_point(bag, place) for place in one.points.tolist()]
+    for x, y in one.points.tolist():
+        marker.points.append(bag.blank("geometry_msgs/msg/Point"))
+        vars(marker.points[-1]).update(x=x, y=y)
     return marker
 
 
@@ -554,16 +543,9 @@ def _cloud(bag: BagWriter, cloud: Any, points: Array) -> Any:
     data = np.zeros((len(points), 3), dtype="<f4")
     data[:, :2] = points
     for k, name in enumerate("xyz"):
-        field = bag.blank("sensor_msgs/msg/PointField")
-        field.name, field.offset, field.datatype, field.count = name, 4 * k, 7, 1
-        cloud.fields.append(field)
+        cloud.fields.append(bag.blank("sensor_msgs/msg/PointField"))
+        vars(cloud.fields[k]).update(name=name, offset=4 * k, datatype=7, count=1)
     cloud.height, cloud.width, cloud.point_step = 1, len(points), 12
     cloud.row_step, cloud.is_dense = 12 * len(points), True
     cloud.data = np.frombuffer(data.tobytes(), dtype=np.uint8)
     return cloud
-
-
-def _point(bag: BagWriter, place: Sequence[float]) -> Any:
-    point = bag.blank("geometry_msgs/msg/Point")
-    point.x, point.y = place
-    return point

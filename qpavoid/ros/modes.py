@@ -1,0 +1,160 @@
+"""Modes of the filter role: command and obstacles, changed before the filter step.
+
+- ``command``: nothing is changed.
+- ``teleop``: where the way ahead is not free, the guide follows a line in the
+  operator's direction: round static obstacles, and slower for people.
+- ``dock``: static obstacles in the dock's region are exempt; the speed is limited.
+- ``follow``: one person is exempt, and kept at a distance.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+
+from qpavoid.model.capsules import RADIUS, X1, Y2
+from qpavoid.model.contacts import Contacts
+from qpavoid.model.footprint import Footprint
+from qpavoid.model.kinematics import TINY, to_world
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.ros.mask import within
+from qpavoid.settings import POSITIVE, Range, check
+from qpavoid.types import Array, Pose, Twist
+
+LOST_AFTER, PLACED, IN_FRONT = 1.0, 0.6, math.radians(60.0)
+"""s, m and rad: a person is lost that long after the last disc so near to the expected
+place; half the angle in which the nearest person is looked for."""
+
+LINE = 3.0
+AHEAD = np.array([(0.0, 0.0), (LINE, 0.0)])
+"""m; length of the way ahead in ``teleop``, and its ends in the robot frame."""
+
+FOLLOW_TIME, LEAST_AHEAD = 1.0, 0.2
+"""s, in which an error of the followed distance is reduced; least cosine of the
+person's bearing."""
+
+
+@dataclass(frozen=True)
+class DriveSettings:
+    """Settings of roles and modes.
+
+    Attributes:
+        mode: Of the filter role.
+        speed: Greatest speed of the guide role.
+        turn: Greatest angle between robot and operator's direction in ``teleop``.
+        dock_speed: Greatest speed in ``dock``.
+        follow: Distance of the outline from the followed person.
+        person: Number of its track; −1: the nearest person in front.
+    """
+
+    mode: Literal["command", "teleop", "dock", "follow"] = "command"
+    speed: Annotated[float, "mps", POSITIVE] = 0.5
+    turn: Annotated[float, "rad", Range(gt=0.0, le=math.pi / 2)] = 1.5
+    dock_speed: Annotated[float, "mps", POSITIVE] = 0.2
+    follow: Annotated[float, "m", POSITIVE] = 1.0
+    person: Annotated[int, Range(ge=-1)] = -1
+
+    def __post_init__(self) -> None:
+        check(self, "roles and modes need")
+
+
+class Request(NamedTuple):
+    """Input of a filter step: command, obstacles in the robot frame, and a note."""
+
+    desired: Twist
+    obstacles: Obstacles
+    note: str = ""
+
+
+def middles(seen: Obstacles) -> Array:
+    """Return the middles (n, 2) of all points and capsules, m."""
+    ends = seen.capsules[:, X1 : Y2 + 1]
+    return np.vstack([seen.points, 0.5 * (ends[:, :2] + ends[:, 2:])])
+
+
+def docking(
+    asked: Request, at: Pose, region: Footprint | None, speed: float
+) -> Request:
+    """Return a request without the static obstacles in the region of a dock.
+
+    Args:
+        asked: Command and obstacles.
+        at: Pose of the robot in the dock's frame.
+        region: Of the dock there.
+        speed: Greatest, m/s.
+    """
+    (v, omega), seen, _ = asked
+    places, count = to_world(middles(seen), at), len(seen.points)
+    inside = (
+        np.zeros(len(places), np.bool_)
+        if region is None
+        else within(region, places, 0.0)
+    )
+    kept = ~inside[count:] | (seen.speeds > TINY)
+    rest = Obstacles.of(seen.points[~inside[:count]], seen.capsules[kept])
+    note = f"{inside[:count].sum()} points in the dock are exempt"
+    return Request((min(max(v, -speed), speed), omega), rest, note)
+
+
+def is_free(seen: Obstacles, footprint: Footprint, turn: float, keep: float) -> bool:
+    """Return whether the way ahead of a robot is free for :data:`LINE`.
+
+    That is the width of the robot and ``keep`` (m) on both sides, in a direction to the
+    left by ``turn``, rad. A moving obstacle within that distance is in the way.
+    """
+    x, y = to_world(middles(seen), (0.0, 0.0, -turn)).T
+    count, (front, wide) = len(seen.points), footprint.vertices.max(axis=0)
+    wide = wide + keep + np.append(np.zeros(count), seen.capsules[:, RADIUS])
+    moves = np.append(np.zeros(count, dtype=np.bool_), seen.speeds > TINY)
+    near = (x > 0.0) & (np.hypot(x, y) < front + LINE)
+    return not bool((near & (moves | (np.abs(y) < wide))).any())
+
+
+class Follow:
+    """Exemption of one person, whose place and velocity over ground are stored."""
+
+    def __init__(self, drive: DriveSettings, footprint: Footprint, dt: float) -> None:
+        self._drive, self._footprint, self._dt = drive, footprint, dt
+        self._person: Array | None = None
+        self._missed = 0.0
+
+    def step(self, asked: Request, pose: Pose, named: Array | None) -> Request:
+        """Return a request without the person, whose distance limits the speed.
+
+        A person nearer than half that distance is an obstacle as all others.
+
+        Args:
+            asked: Command and obstacles.
+            pose: Of the robot, odometry frame.
+            named: (2,) place of the person in it, m; None: the nearest one in front.
+        """
+        (v, omega), seen, _ = asked
+        discs, away = seen.discs[:, :2], self._drive.follow
+        places = to_world(discs, pose)
+        if self._person is not None:
+            self._person[:2] += self._dt * self._person[2:]
+            off = np.hypot(*(places - self._person[:2]).T)
+            off[off > PLACED] = math.inf
+        elif named is not None:
+            off = np.hypot(*(places - named).T)
+        else:
+            off = np.hypot(*discs.T)
+            off[np.abs(np.arctan2(discs[:, 1], discs[:, 0])) > IN_FRONT] = math.inf
+        if off.min(initial=math.inf) == math.inf:
+            self._missed += self._dt
+            self._person = None if self._missed > LOST_AFTER else self._person
+            return asked._replace(note="nobody is followed")
+        k, velocities = int(off.argmin()), seen.disc_velocities
+        moves = to_world(velocities[k : k + 1], (0.0, 0.0, pose[2]))[0]
+        self._person, self._missed = np.hstack([places[k], moves]), 0.0
+        row = np.arange(len(seen.capsules)) == np.flatnonzero(seen.is_disc)[k]
+        person = Obstacles.of(seen.points[:0], seen.capsules[row])
+        gap = float(Contacts.of(self._footprint, person).distance.min())
+        if gap < 0.5 * away:
+            return asked._replace(note="the followed person is near: an obstacle")
+        way = discs[k] / max(math.hypot(*discs[k]), TINY)
+        leaves = max(float(velocities[k] @ way), 0.0)
+        most = max(leaves + (gap - away) / FOLLOW_TIME, 0.0)
+        slow = min(v, most / max(float(way[0]), LEAST_AHEAD))
+        return Request((slow, omega), seen.chosen(~row), f"a person {gap:.1f} m away")

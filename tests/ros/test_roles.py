@@ -1,0 +1,355 @@
+"""Roles and modes of the guard in closed loop: a world, a LiDAR, odometry, tf."""
+
+import math
+
+import numpy as np
+import pytest
+from ros_world import World
+
+import ros_messages as ros
+from qpavoid.avoidance.decision import Status
+from qpavoid.avoidance.inputs import Fault
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.footprint import Footprint
+from qpavoid.ros.guard import Guard, Wiring
+from qpavoid.ros.parameters import defaults, preset, setup_of
+
+DT, BEAMS, R_MIN = 0.05, 360, 0.1
+ROOM = [(-5, -5, 5, -5), (5, -5, 5, 5), (5, 5, -5, 5), (-5, 5, -5, -5)]
+VALUES = {"robot.footprint_m": Footprint.rectangle(0.5, 0.4).vertices.ravel().tolist(),
+          "robot.acceleration_mps2": 1.5, "radius.r_min_slow_m": R_MIN,
+          "radius.r_min_fast_m": R_MIN, "freshness.good_s": 0.0}  # fmt: skip
+
+
+def setup(**changed):
+    given = {name.replace("__", "."): value for name, value in changed.items()}
+    robot = preset("mir100_rectangle")
+    return setup_of(defaults(robot) | VALUES | given, robot, DT)
+
+
+class Loop:
+    """A guard and its world; ``command`` and what tf says may change at any step."""
+
+    def __init__(self, world, wiring=(), **changed):
+        known = {"frames": ("laser",), "frame_poses": (0.0,) * 6}
+        self.guard = Guard(setup(**changed), Wiring(**(known | dict(wiring))))
+        self.world, self.rng, self.steps = world, np.random.default_rng(5), []
+        self.now, self.command, self.least = 100.0, None, math.inf
+        self.off, self.slack = (0.0, 0.0, 0.0), np.inf
+
+    def step(self):
+        self.now += DT
+        now, guard, world = (self.now, self.now), self.guard, self.world
+        ranges = world.ranges(BEAMS, noise=0.005, rng=self.rng)
+        guard.see("scan", ros.scan(self.now, ranges, "laser", near=0.05), *now)
+        pose = world.pose.tolist()
+        if guard.wiring.odometry == "odom":
+            guard.see("odom", ros.odometry(self.now, pose, *world.twist), *now)
+        if self.command is not None:
+            guard.command(ros.twist(*self.command), *now)
+        step = guard.step(*now)
+        world.drive(step.v, step.omega, DT)
+        self.steps.append(step)
+        self.least = np.minimum(self.least, world.clearances())
+        return step
+
+    def run(self, seconds, every=lambda k: None):
+        for k in range(round(seconds / DT)):
+            every(k)
+            self.step()
+        return self.steps[-round(seconds / DT) :]
+
+
+def goal(time, x, y, heading=0.0, frame="odom"):
+    posed = ros.odometry(time, (x, y, heading)).pose.pose
+    return ros.Fields(header=ros.header(time, frame), pose=posed)
+
+
+def path(time, places, frame="odom"):
+    poses = [goal(time, *place, frame=frame) for place in places]
+    return ros.Fields(header=ros.header(time, frame), poses=poses)
+
+
+def guided(walls=ROOM, people=(), pose=(-3.0, 0.0, 0.0), **changed):
+    return Loop(World(walls, people, pose), {"role": "guide"}, **changed)
+
+
+LOW, HIGH = (-0.3, -0.4), (0.3, 0.4)
+BOX = [(*LOW, -0.3, 0.4), (0.3, -0.4, *HIGH), (-0.3, 0.4, *HIGH), (*LOW, 0.3, -0.4)]
+
+
+def off(loop, x, y, heading=0.0):
+    """Distance (m) and angle (rad) of the robot from a pose."""
+    turn = (loop.world.pose[2] - heading + math.pi) % (2 * math.pi) - math.pi
+    return math.dist(loop.world.pose[:2], (x, y)), abs(turn)
+
+
+def test_a_goal_sent_again_every_second_is_reached_round_a_box():
+    loop = guided([*ROOM, *BOX])
+    loop.run(1.0)
+    assert loop.world.pose[0] == -3.0, "without a task it stays"
+    given = loop.guard.task
+    loop.run(25.0, lambda k: k % 20 or given("goal_pose", goal(loop.now, 3.0, 0.0)))
+    assert loop.guard.has_arrived and loop.least.min() > 0.07
+    assert max(off(loop, 3.0, 0.0)) < 0.06
+    assert max(abs(step.v) for step in loop.steps) <= 0.5 + 1e-9
+    assert given("goal_pose", goal(loop.now, 3.0, 0.0, frame="moon")) != ""
+    assert "unknown frame 'moon'" in loop.step().sentence
+    loop.run(1.0)
+    assert max(off(loop, 3.0, 0.0)) < 0.06, "a refused goal changes nothing"
+
+
+def test_a_path_of_a_map_that_drifts_ends_with_its_heading():
+    """The map moves 0.2 m to the left on the ground while the path is driven."""
+    loop = guided()
+    places = [(0.5 * k, 0.1 * k, 0.3) for k in range(10)]
+
+    def tells(k):
+        place = 3.0, 1.0 - 0.2 * min(k / 200, 1.0), 0.0
+        said = ros.Fields(transforms=[ros.link("map", "odom", place, time=loop.now)])
+        loop.guard.transforms(said, loop.now, loop.now)
+        if k % 20 == 0 and k > 20:
+            assert loop.guard.task("path", path(loop.now, places, "map")) == ""
+
+    loop.run(22.0, tells)
+    x, y, heading = places[-1]
+    assert loop.guard.has_arrived
+    assert max(off(loop, x - 3.0, y - 0.8, heading)) < 0.08
+    assert min(step.v for step in loop.steps) > -0.05, "it never goes back"
+
+
+def test_after_an_emergency_stop_it_starts_from_rest():
+    loop = guided()
+    loop.run(0.5)
+    loop.guard.task("goal_pose", goal(loop.now, 3.0, 0.0))
+    loop.run(4.0)
+    assert loop.steps[-1].v > 0.4
+    drive, loop.world.drive = loop.world.drive, lambda *_: drive(0.0, 0.0, DT)
+    for _ in range(30):
+        loop.guard.driven = (0.0, 0.0)
+        loop.step()
+    loop.world.drive = drive
+    assert loop.step().v < 0.2
+
+
+def test_a_goal_in_a_closed_room_is_blocked_and_said():
+    loop = guided([*ROOM, (0, -5, 0, 5)])
+    loop.run(0.5)
+    loop.guard.task("goal_pose", goal(loop.now, 3.0, 0.0))
+    steps = loop.run(35.0)
+    assert Status.BLOCKED in [step.decision.status for step in steps]
+    assert not loop.guard.has_arrived and loop.least.min() > 0.07
+
+
+def operated(walls=ROOM, people=(), pose=(-3.0, 0.0, 0.0), v=0.8, **wiring):
+    mode = wiring.pop("mode", "teleop")
+    loop = Loop(World(walls, people, pose), wiring, drive__mode=mode)
+    loop.command = (v, 0.0)
+    return loop
+
+
+def test_an_operator_drives_along_a_wall_at_full_speed():
+    """5 cm beyond the required distance."""
+    wall = -0.2 - R_MIN - 0.05
+    loop = operated([(-9.0, wall, 30.0, wall)], v=1.0)
+    late = loop.run(8.0)[40:]
+    assert min(step.v for step in late) > 0.99
+    assert max(abs(step.omega) for step in late) < 0.05
+
+
+@pytest.mark.parametrize("y", [0.0, 0.1, -0.1, 0.35])
+def test_an_operator_is_steered_round_a_box_and_keeps_the_direction(y):
+    loop = operated([*ROOM, *BOX], pose=(-3.0, y, 0.0), v=0.6)
+    loop.run(9.0)
+    assert loop.world.pose[0] > 0.8 and abs(loop.world.pose[2]) < 0.05
+    assert loop.least.min() > 0.07
+
+
+def test_an_operator_before_a_wall_is_not_turned_round():
+    loop = operated([(1.0, -9.0, 1.0, 9.0)])
+    loop.run(20.0, lambda k: max(0, abs(loop.world.pose[2]) - 1.6) and pytest.fail())
+    assert abs(loop.steps[-1].v) < 0.01 and loop.least.min() > 0.07
+    loop.command = (-0.3, 0.0)
+    assert loop.run(2.0)[-1].v == pytest.approx(-0.3), "backwards he drives himself"
+
+
+def test_an_operator_is_slowed_down_for_a_person_who_crosses():
+    loop = operated(people=[(0.5, -2.5, 0.25, 0.0, 0.8)])
+    steps = loop.run(6.0)
+    assert min(step.v for step in steps[20:]) < 0.4 and loop.least.min() > 0.2
+    assert steps[-1].v > 0.75 and abs(loop.world.pose[2]) < 0.05
+
+
+def test_a_person_is_followed_at_a_distance():
+    person = (-1.2, 0.0, 0.25, 0.5, 0.0)
+    loop = operated(people=[person], mode="follow", v=0.0)
+    loop.run(1.0)
+    loop.command = (1.0, 0.0)
+    assert "follow: a person" in loop.run(8.0)[-1].sentence
+    assert loop.world.clearances()[-1] == pytest.approx(1.0, abs=0.1)
+    assert loop.steps[-1].v == pytest.approx(0.5, abs=0.05)
+    loop.world.people[0, 3] = -0.5
+    loop.run(2.5)
+    assert loop.least[-1] > 0.15, "who comes too near is an obstacle"
+
+
+DOCK = (4.0, -0.3, 4.0, 0.3)
+DOCKED = {
+    "dock_frame": "dock",
+    "dock_m": (-0.1, -0.35, 0.3, -0.35, 0.3, 0.35, -0.1, 0.35),
+}
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_dock_is_approached_to_2_cm_and_nothing_else(known):
+    """A box stands beside it; without its frame nothing is exempt."""
+    beside = [(3.6, 0.62, 4.0, 0.62), (3.6, 0.62, 3.6, 1.5)]
+    loop = operated([DOCK, *beside, *ROOM], pose=(2.5, 0.0, 0.0), mode="dock", **DOCKED)
+    if known:
+        moved = ros.Fields(transforms=[ros.link("odom", "dock", (4.0, 0.0, 0.0))])
+        loop.guard.transforms(moved, 0.0, 0.0, fixed=True)
+
+    def drives(k):
+        loop.command = (0.8 * (4.0 - 0.25 - 0.02 - loop.world.pose[0]), 0.0)
+
+    loop.run(20.0, drives)
+    gap = loop.world.clearances()[0]
+    assert loop.least[1:].min() > R_MIN - 0.02
+    if known:
+        assert gap == pytest.approx(0.02, abs=0.005)
+    else:
+        assert (
+            gap > 0.07 and "nothing is exempt: unknown frame" in loop.steps[-1].sentence
+        )
+
+
+def grid(time, cells, frame="odom", size=0.05, origin=(0.0, 0.0)):
+    info = ros.Fields(height=40, width=40, resolution=size)
+    info.origin = goal(time, *origin).pose
+    data = np.zeros((40, 40), dtype=np.int8)
+    for row, column in cells:
+        data[row, column] = 100
+    data[0, 0] = 99
+    return ros.Fields(header=ros.header(time, frame), info=info, data=data.ravel())
+
+
+def test_a_costmap_is_an_obstacle_that_scans_do_not_see():
+    cells = [(row, 20) for row in range(10, 30)]
+    loop = operated(costmap="map", mode="command", v=0.6)
+
+    def tells(k):
+        seen = grid(loop.now, cells, origin=(-1.0, -1.0))
+        return k % 10 or loop.guard.see("map", seen, loop.now, loop.now)
+
+    steps = loop.run(5.0, tells)
+    gaps = [step.decision.clearance for step in steps if step.decision]
+    assert 0.09 < min(gaps) < 0.2 and loop.least.min() > 1.0
+    x, y = loop.world.seen_at([(0.0, 0.25)])[0]
+    places = np.hypot(*(loop.steps[-1].obstacles.points - (x, y)).T)
+    assert places.min() < 0.05, "a corner of a cell's near side"
+    assert len(loop.steps[-1].obstacles.points) > 30
+    assert loop.run(1.5)[-1].faults == {"map": Fault.STALE}
+    bad = grid(loop.now, cells)
+    bad.info.width = 7
+    loop.guard.see("map", bad, loop.now + 1e-3, loop.now + 1e-3)
+    assert "do not fit its size" in loop.step().sentence
+
+
+def test_a_footprint_that_is_published_counts_and_a_wrong_one_does_not():
+    def polygon(rows, frame):
+        points = [ros.Fields(x=x, y=y, z=0.0) for x, y in rows]
+        shape = ros.Fields(points=points)
+        return ros.Fields(header=ros.header(loop.now, frame), polygon=shape)
+
+    loop = operated(pose=(-3.0, 1.0, 0.5), v=0.3, footprint="shape")
+    loop.run(1.0)
+    clockwise = np.array([(0.6, 0.3), (0.6, -0.3), (-0.4, -0.3), (-0.4, 0.3)])
+    loop.guard.outline(polygon(clockwise, "base_link"))
+    known = loop.guard.setup.robot.footprint.vertices
+    np.testing.assert_allclose(known, clockwise[::-1])
+    c, s = math.cos(0.5), math.sin(0.5)
+    placed = clockwise @ [[c, s], [-s, c]] + loop.guard.trail.at(loop.now)[:2]
+    loop.guard.outline(polygon(placed, "odom"))
+    assert loop.guard.setup.robot.footprint.vertices is known, "the same, in odom"
+    loop.guard.change(setup())
+    assert loop.guard.setup.robot.footprint.vertices is known, "settings leave it"
+    arrow = [(0.6, 0.0), (-0.4, 0.4), (0.0, 0.0), (-0.4, -0.4)]
+    loop.guard.outline(polygon(arrow, "base_link"))
+    assert "footprint: footprint vertices must be" in loop.step().sentence
+    assert loop.guard.setup.robot.footprint.vertices is known
+
+
+def test_poses_may_come_by_tf():
+    loop = Loop(World(ROOM, (), (-3.0, 0.0, 0.0)), {"odometry": "/tf"})
+    loop.command = (0.5, 0.0)
+    for _ in range(60):
+        now, (x, y, heading) = loop.now + DT, loop.world.pose
+        turn = (0.0, 0.0, math.sin(heading / 2), math.cos(heading / 2))
+        moved = ros.link("odom", "base_link", (x, y, 0.0), turn, now)
+        loop.guard.transforms(ros.Fields(transforms=[moved]), now, now)
+        loop.step()
+    assert (
+        loop.steps[-1].v == pytest.approx(0.5) and loop.guard.trail.at(loop.now)[0] > -2
+    )
+    assert loop.guard.trail.twist[0] == pytest.approx(0.5, abs=0.01)
+    assert loop.run(1.0)[-1].faults == {"/tf": Fault.STALE}
+
+
+def test_a_driver_that_repeats_its_ranges_is_found_out():
+    loop = operated(mode="command", v=0.5)
+    loop.run(1.0)
+    ranges = loop.world.ranges(BEAMS)
+    loop.world.ranges = lambda *_, **__: ranges
+    steps = loop.run(2.0)
+    assert {"scan": Fault.BLIND} in [step.faults for step in steps]
+    assert any("the ranges repeat while" in step.sentence for step in steps)
+    assert loop.guard.faults["scan blind"] > 3 and loop.world.pose[0] < -2.0
+
+
+@pytest.mark.parametrize(("ahead", "said"), [(-8310659.0, "-8.311e+06"), (3.0, "+3")])
+def test_a_topic_of_another_clock_is_named(ahead, said):
+    loop = operated(mode="command")
+    loop.run(1.0)
+    for _ in range(20):
+        loop.now += DT
+        scan = ros.scan(loop.now + ahead, loop.world.ranges(BEAMS), "laser")
+        loop.guard.see("scan", scan, loop.now, loop.now)
+        loop.guard.see("odom", ros.odometry(loop.now), loop.now, loop.now)
+        step = loop.guard.step(loop.now, loop.now)
+    assert f"scan: its stamps are {said} s from this node's clock" in step.sentence
+
+
+@pytest.mark.parametrize(
+    ("wiring", "said"),
+    [({"role": "planner"}, "role must be one of"),
+     ({"role": "guide", "odometry": ""}, "a guide needs odometry"),
+     ({"dock_frame": "dock"}, "a dock needs dock_frame and dock_m"),
+     ({"dock_frame": "dock", "dock_m": (0.0, 0.0, 1.0)}, "dock_m needs pairs")],
+)  # fmt: skip
+def test_wiring_of_roles_that_is_wrong_is_named(wiring, said):
+    with pytest.raises(InvalidInputError, match=said):
+        Guard(setup(), Wiring(**wiring))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [(lambda m: m.poses.clear(), "a path needs poses"),
+     (lambda m: setattr(m, "poses", None), "not iterable"),
+     (lambda m: setattr(m.poses[3].pose.position, "x", math.nan), "finite numbers"),
+     (lambda m: setattr(m.poses[3].pose.orientation, "w", 0.5), "quaternion"),
+     (lambda m: setattr(m.header, "frame_id", ""), "unknown frame ''"),
+     (lambda m: [setattr(p.pose.position, "x", 1e300) for p in m.poses], "")],
+)  # fmt: skip
+def test_a_path_that_is_none_is_refused_and_the_last_one_kept(spoil, said):
+    loop = guided()
+    message = path(loop.now, [(0.0, 0.0, 0.0)])
+    assert "no odometry yet" in loop.guard.task("path", message)
+    loop.run(0.5)
+    places = [(-3.0 + 0.2 * k, 0.0, 0.0) for k in range(10)]
+    assert loop.guard.task("path", path(loop.now, places)) == ""
+    message = path(loop.now, places)
+    spoil(message)
+    refused = loop.guard.task("path", message)
+    assert refused and said in refused and "path: refused" in loop.step().sentence
+    loop.run(6.0)
+    assert max(off(loop, -1.2, 0.0)) < 0.08
