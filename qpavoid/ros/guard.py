@@ -264,8 +264,8 @@ class Guard:
         want(known, f"freshness needs ages above the {held:g} s of a step")
         for watch, age in zip(self.watches.values(), oldest, strict=True):
             watch.oldest, watch.future = age - held, fresh.future
-        before, outline = self.perceiver, setup.robot.footprint.vertices
-        same = np.array_equal(before.robot.footprint.vertices, outline)
+        before, outline = self.perceiver, setup.robot.footprint.edges
+        same = np.array_equal(before.robot.footprint.edges, outline)
         if not same or before.settings != setup.perception:
             self.perceiver = Perceiver(setup.robot, setup.perception)
         self.setup = setup
@@ -524,8 +524,8 @@ class Guard:
         known, away = to_world(before, relative(pose, ORIGIN)), self._away
         kept = np.hypot(*known.T) < robot.footprint.circumradius + away + AROUND
         kept &= hidden(known, fan, beams, place)
-        grown = Footprint(offset_outline(robot.footprint.vertices, away, CORNER_POINTS))
-        added = border(fan, beams, place, grown.edges)
+        parts = (offset_outline(x, away, CORNER_POINTS) for x in robot.footprint.parts)
+        added = border(fan, beams, place, Footprint.union([*parts]))
         bound = to_world(np.vstack([known[kept], added]), pose)
         first = np.unique(np.floor(bound / SPACING), axis=0, return_index=True)[1]
         self._unknown[topic] = bound[np.sort(first)]
