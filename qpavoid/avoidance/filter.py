@@ -31,14 +31,21 @@ from qpavoid.avoidance.inputs import (
     seen_of,
     why_invalid,
 )
-from qpavoid.avoidance.plan import UNTIL, Plan, fresh_state, kept_plan, set_driven
+from qpavoid.avoidance.plan import (
+    KEPT,
+    PENDING,
+    Plan,
+    fresh_state,
+    kept_plan,
+    set_driven,
+)
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.step import (
     WORKSPACE_TOO_SMALL,
-    carve,
     filter_outcome,
     filter_step,
     memory_size,
+    workspace_in,
 )
 from qpavoid.compiled import bound
 from qpavoid.errors import QPAvoidError, ThreadError
@@ -184,7 +191,7 @@ class Engine:
     def problem(self, arrays: Arrays) -> FilterProblem:
         """Return the QP of the last step, among these obstacles."""
         most = most_contacts(self.setup.edges, arrays)
-        carved = carve.py_func  # type: ignore[attr-defined]
+        carved = workspace_in.py_func  # type: ignore[attr-defined]
         space = carved(self._memory, most, self.setup.settings)
         m, hard, v_min, v_max, omega_min, omega_max, *desired = space.problem.tolist()
         rows = space.rows[: int(m)]
@@ -356,7 +363,8 @@ class SafetyFilter:
         horizon minus a control step for a new plan; less if an earlier one is carried
         on, as it may be for ``planned``. 0 without look-ahead.
         """
-        return float(self._engine.state[UNTIL]) if self.ahead else 0.0
+        kept = self._engine.state[:PENDING].view(KEPT)[0]
+        return float(kept.until) if self.ahead else 0.0
 
     @property
     def _last(self) -> Pair:

@@ -10,7 +10,7 @@ from qpavoid.avoidance.settings import SafetyRadius
 from qpavoid.guide.geodesic import CELL
 from qpavoid.model.robot import Robot
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, Range, check, want
-from qpavoid.types import Record
+from qpavoid.types import Record, record_type
 
 BACK_SPEED = 0.2
 """m/s; speed of backing out, cut to the robot's limit."""
@@ -90,13 +90,14 @@ class GuideSettings:
         return np.array([tuple(values[n] for n in RECORD.names or ())], dtype=RECORD)
 
 
-RECORD = np.dtype(
-    [
-        *((item.name, np.float64) for item in fields(SafetyRadius)),
-        *((item.name, np.float64) for item in fields(GuideSettings)),
-        ("back_speed", np.float64),
-        ("inner", np.float64),
-    ]
+RECORD = record_type(
+    (name, np.float64)
+    for name in (
+        *(item.name for item in fields(SafetyRadius)),
+        *(item.name for item in fields(GuideSettings)),
+        "back_speed",
+        "inner",
+    )
 )
 """All settings for compiled functions, as one record."""
 

@@ -15,17 +15,12 @@ from oracles import holds_point, sides
 from qpavoid.model import capsules
 from qpavoid.model.contact import approach_row
 from qpavoid.model.contacts import (
-    CONTACT_WIDTH,
-    DISTANCE,
-    OBSTACLE,
+    CONTACT,
     Contacts,
-    ObstacleContact,
     clearance_of,
     contact_at,
     contact_table,
     empty_contacts,
-    nearest_distance,
-    set_contact,
 )
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import arc
@@ -242,7 +237,7 @@ def table(footprint, arrays, reach):
     contacts[:] = math.nan
     known = footprint.edges, footprint.circumradius, arrays, reach, contacts
     count, nearest = contact_table(*known)
-    return contacts[:count], nearest
+    return contacts.view(CONTACT)[:count], nearest
 
 
 @footprints
@@ -253,11 +248,11 @@ def test_pruning_keeps_what_lies_within_reach_and_the_nearest(footprint, reach):
         arrays = scene(rng).arrays
         everything, _ = table(footprint, arrays, math.inf)
         kept, nearest = table(footprint, arrays, reach)
-        ours, all_of_them = kept[:, DISTANCE], everything[:, DISTANCE]
+        ours, all_of_them = kept["distance"], everything["distance"]
         assert ours[nearest] == all_of_them.min()
         assert_array_equal(kept[ours <= reach], everything[all_of_them <= reach])
         assert clearance_of(PENTAGON, arrays) == (
-            table(PENTAGON, arrays, math.inf)[0][:, DISTANCE].min()
+            table(PENTAGON, arrays, math.inf)[0]["distance"].min()
         )
     assert clearance_of(PENTAGON, Obstacles().arrays) == math.inf
 
@@ -281,12 +276,9 @@ def test_of_equally_near_obstacles_the_first_is_the_nearest():
 
 
 def test_a_row_of_the_table_reads_as_it_was_written():
-    row = ObstacleContact(0.1, 0.2, 0.6, 0.8, 0.5, -1.0, -2.0, 7, 3)
-    contacts = np.full((2, CONTACT_WIDTH), math.nan)
-    set_contact(contacts, 1, row)
-    assert contact_at(contacts, 1) == row and contacts[1].tolist() == [*row]
-    assert nearest_distance(contacts, 1) == 0.5 and contacts[1, OBSTACLE] == 7
-    assert nearest_distance(contacts, -1) == math.inf
+    row, contacts = (0.1, 0.2, 0.6, 0.8, 0.5, -1.0, -2.0, 7, 3), np.zeros(2, CONTACT)
+    contacts[1] = row
+    assert contact_at(contacts.view(np.float64), 1) == row
 
 
 WALLS = {

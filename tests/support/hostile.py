@@ -20,7 +20,7 @@ from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.avoidance.step import filter_step, memory_size
 from qpavoid.model.capsules import in_robot_frame
 from qpavoid.model.contacts import (
-    CONTACT_WIDTH,
+    CONTACT_SIZE,
     contact_at,
     contact_table,
     most_contacts,
@@ -72,7 +72,7 @@ def drive_blindly(
     seen = world[0].copy(), world[1].copy()
     most = most_contacts(edges, world)
     memory = np.empty(memory_size(most, settings))
-    contacts = np.empty((most, CONTACT_WIDTH))
+    contacts = np.empty(most * CONTACT_SIZE)
     set_driven(state, twist[0], twist[1])
     x = y = heading = 0.0
     excess, lies = 0.0, 0

@@ -69,7 +69,7 @@ int qpavoid_perceive(qpavoid_perception *p, const double ranges[QPAVOID_BEAMS],
     for (int k = 0; k < QPAVOID_BEAMS; k++) {
         const double r = ranges[k];
         const bool echo = r > 0.0 && r >= QPAVOID_RANGE_MIN && r < QPAVOID_RANGE_MAX;
-        p->rows[k][0] = echo || r == INFINITY ? r : NAN;
+        p->rows[k * $ray] = echo || r == INFINITY ? r : NAN;
     }
     p->time = middle;
     $taken;
