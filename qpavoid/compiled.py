@@ -13,6 +13,7 @@ sources of its module and of all modules that this imports, directly or not.
 """
 
 import inspect
+import operator
 import os
 import sys
 from collections.abc import Callable
@@ -56,13 +57,14 @@ class Compiled:
 
     Attributes:
         py_func: The Python function.
+        options: Of numba.
         is_entry: Whether it is an :func:`entry`.
         asks: Name of the entry that checks arguments (:func:`entry_if`), or empty.
     """
 
     def __init__(self, function: Callable[..., Any], **options: bool) -> None:
         update_wrapper(self, function)
-        self.py_func, self.is_entry, self._options = function, False, options
+        self.py_func, self.is_entry, self.options = function, False, options
         self.asks = ""
 
     def __call__(self, *given: Any, **named: Any) -> Any:
@@ -90,12 +92,12 @@ class Compiled:
     @cached_property
     def dispatcher(self) -> Any:
         """Dispatcher that numba makes of the function."""
-        return _dispatcher(self.py_func, **self._options)
+        return _dispatcher(self.py_func, **self.options)
 
     @cached_property
     def inner(self) -> Any:
         """Dispatcher for compiled callers only: uncached, without a Python wrapper."""
-        return _dispatcher(self.py_func, kept=False, **UNWRAPPED, **self._options)
+        return _dispatcher(self.py_func, kept=False, **UNWRAPPED, **self.options)
 
     @property
     def _numba_type_(self) -> Any:
@@ -197,6 +199,7 @@ def _dispatcher(
         unbuilt = function.__name__ in ENTRIES or not is_native()
         raise MissingExtraError("numba", "lab", STANDS_IN * unbuilt) from None
     _announce_compiling()
+    _store_records()
     options = {name: value for name, value in options.items() if _is_option(name)}
     try:
         dispatcher = numba.njit(cache=kept, nogil=True, **options)(function)
@@ -316,6 +319,23 @@ def _for_all_values(dispatcher: Any) -> None:
     dispatcher.get_call_template = lambda args, keys: template(
         tuple(map(unliteral, args)), {k: unliteral(v) for k, v in keys.items()}
     )
+
+
+@cache
+def _store_records() -> None:
+    """Let compiled code store a named tuple as a row of a table of records."""
+    from numba.core.types import Array, BaseNamedTuple, Record
+    from numba.extending import overload
+
+    @overload(operator.setitem)
+    def store(table, row, record):  # type: ignore[no-untyped-def]
+        rows = isinstance(table, Array) and isinstance(table.dtype, Record)
+        if not (rows and isinstance(record, BaseNamedTuple)):
+            return None
+        fields = "; ".join(f"at.{name} = record.{name}" for name in record.fields)
+        made: dict[str, Any] = {"__name__": __name__}
+        exec(f"def store(table, row, record): at = table[row]; {fields}", made)
+        return made["store"]
 
 
 @cache

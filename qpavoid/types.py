@@ -1,5 +1,6 @@
 """Shared types, without behaviour."""
 
+from collections.abc import Iterable
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -46,6 +47,37 @@ class Record(NamedTuple):
     written: bool = False
 
 
+Table: TypeAlias = npt.NDArray[np.void]
+"""Array of records: rows of a :func:`layout`."""
+
+Row: TypeAlias = Any
+"""Row of a table, that is written through: a view with the fields of its layout."""
+
+LAYOUTS: dict[np.dtype[Any], type] = {}
+"""Named tuples by the layout of their tables."""
+
+
+def record_type(fields: Iterable[tuple[str, Any]]) -> np.dtype[Any]:
+    """Return the type of records with such fields, laid out as a struct of C.
+
+    Python reads a field as an attribute, as compiled code does.
+    """
+    return np.dtype((np.record, np.dtype(list(fields), align=True)))
+
+
+def layout(of: type) -> np.dtype[Any]:
+    """Return the memory layout of a named tuple of numbers: that of a struct of C.
+
+    A table of such records takes a named tuple for a row; a row that is read is a view
+    with the same fields.
+    """
+    kinds = {float: np.float64, int: np.intc}
+    made = record_type((name, kinds[of]) for name, of in of.__annotations__.items())
+    if LAYOUTS.setdefault(made, of) is not of:
+        raise ValueError(f"{of.__name__} and {LAYOUTS[made].__name__} have one layout")
+    return made
+
+
 Vector: TypeAlias = Annotated[Array, Buffer(1)]
 Matrix: TypeAlias = Annotated[Array, Buffer(2)]
 """(n,) and (n, m), read only."""
@@ -57,8 +89,8 @@ MatrixWritten: TypeAlias = Annotated[Array, Buffer(2, written=True)]
 LimitVector: TypeAlias = Annotated[Vector, Sizes(9)]
 """(9,) :attr:`qpavoid.model.robot.Robot.limit_vector`."""
 
-Edges: TypeAlias = Annotated[Matrix, Sizes(1, 5)]
-"""(n, 5) edges of a footprint; see :class:`qpavoid.model.footprint.Footprint`."""
+Edges: TypeAlias = Annotated[Matrix, Sizes(1, 6)]
+"""(n, 6) edges of a footprint; see :class:`qpavoid.model.footprint.Footprint`."""
 
 Points: TypeAlias = Annotated[Matrix, Sizes(0, 2)]
 """(N, 2), m."""
@@ -66,16 +98,12 @@ Points: TypeAlias = Annotated[Matrix, Sizes(0, 2)]
 Discs: TypeAlias = Annotated[Matrix, Sizes(0, 5)]
 """(m, 5): x, y, radius, m, and velocity, m/s."""
 
-Capsules: TypeAlias = Annotated[Matrix, Sizes(0, 11)]
-CapsulesWritten: TypeAlias = Annotated[MatrixWritten, Sizes(0, 11)]
-"""(M, 11): see :mod:`qpavoid.model.capsules`."""
-
-ContactRows: TypeAlias = Annotated[Matrix, Sizes(0, 9)]
-ContactRowsWritten: TypeAlias = Annotated[MatrixWritten, Sizes(0, 9)]
-"""(n, 9): see :func:`qpavoid.model.contacts.contact_table`."""
+Capsules: TypeAlias = Annotated[Matrix, Sizes(0, 12)]
+CapsulesWritten: TypeAlias = Annotated[MatrixWritten, Sizes(0, 12)]
+"""(M, 12): see :mod:`qpavoid.model.capsules`."""
 
 Arrays: TypeAlias = tuple[Points, Capsules]
-"""Obstacles: points (N, 2) at rest, of radius 0, and capsules (M, 11)."""
+"""Obstacles: points (N, 2) at rest, of radius 0, and capsules (M, 12)."""
 
 ArraysWritten: TypeAlias = tuple[Annotated[MatrixWritten, Sizes(0, 2)], CapsulesWritten]
 """Obstacles as :data:`Arrays`, written."""

@@ -27,14 +27,11 @@ from time import process_time
 if __name__ == "__main__":
     os.environ |= {"NUMBA_DISABLE_JIT": "1", "HYPOTHESIS_PROFILE": "repeatable"}
 
-import numpy as np
 import pytest
 
-from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import ENTRIES, Compiled, with_defaults
 from qpavoid.export import build
 from qpavoid.export.extension import extension_text
-from qpavoid.guide.settings import GuideSettings
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = "qp", "model", "guide", "avoidance"
@@ -183,8 +180,6 @@ def spent(items, most, *mutant):
 
 if __name__ == "__main__":
     COUNT, SEED = map(int, sys.argv[1:])
-    for one in (AvoidanceSettings, GuideSettings):  # records readable by name in Python
-        one.record = lambda *x, made=one.record: made(*x).view(np.recarray)
     folders = [str(ROOT / "tests" / name) for name in FOLDERS]
     quiet = ["-q", "-s", "--tb=no", "-p", "no:cacheprovider", "-W", "ignore", "-r", ""]
     pytest.main([*quiet, *folders, f"--rootdir={ROOT}"], [sys.modules["__main__"]])

@@ -16,12 +16,12 @@ from driven import (
     point_gap,
 )
 from oracles import point_distance, wall_distance
-from shapes import footprints, places
+from shapes import convex, places
 
 times = st.floats(0.0, 3.0)
 
 
-@footprints
+@convex
 @given(places, places)
 def test_gaps_are_those_of_the_oracles(footprint, one, other):
     corners, rest = footprint.vertices, (0.0, 0.0, 0.0)

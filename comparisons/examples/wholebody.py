@@ -12,7 +12,7 @@ from qpavoid.avoidance.cbf_rows import constraint_rows, row_reach, wheel_rows
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.capsules import in_robot_frame, like
-from qpavoid.model.contacts import contact_table, empty_contacts
+from qpavoid.model.contacts import CONTACT, contact_table, empty_contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, twist_box
 from qpavoid.model.validation import finite_rows
@@ -57,7 +57,8 @@ class FootprintLimit:
         box = twist_box(robot, *finite_rows([(*self.driven, dt)], 3, "driven")[0])
         n, _ = contact_table(self._edges, robot[-1], arrays, reach, contacts)
         rows = np.zeros((n + 4, ROW_WIDTH))
-        m = constraint_rows(contacts[:n], *self._known, box, 0.0, False, rows)
+        seen = contacts.view(CONTACT)[:n]
+        m = constraint_rows(seen, *self._known, box, 0.0, False, rows)
         m += wheel_rows(robot, rows[m:])
         G, h = np.zeros((m + 6, 3)), np.zeros(m + 6)
         G[:m, :2], h[:m] = -rows[:m, A_V : A_OMEGA + 1], -rows[:m, B]

@@ -3,7 +3,7 @@
 In the robot frame of the present; bodies have constant velocities. They are rows of a
 table in the :class:`Scene`, the data shared by all predictions of a control step. Most
 points of a scan lie on a few surfaces: successive neighbouring ones are a group, and
-one check of its wall clears them all (:mod:`qpavoid.avoidance.clearance`).
+one check of its wall clears them all (:mod:`qpavoid.avoidance.margin`).
 """
 
 import math
@@ -18,9 +18,9 @@ from qpavoid.avoidance.cbf_rows import (
     Tangent,
     is_behind,
     no_tangent,
+    required_distance,
     tangent_at,
     tolerated,
-    wanted_distance,
 )
 from qpavoid.avoidance.settings import FilterSettings
 from qpavoid.compiled import compiled, compiled_once
@@ -44,7 +44,17 @@ from qpavoid.model.capsules import (
 from qpavoid.model.contact import Contact, point_contact, wall_contact
 from qpavoid.model.kinematics import TINY
 from qpavoid.model.robot import UNLIMITED_TWIST, limits_of, stopping_time
-from qpavoid.types import Array, Arrays, Box, Edges, LimitVector, Pair
+from qpavoid.types import (
+    Array,
+    Arrays,
+    Box,
+    Edges,
+    LimitVector,
+    Pair,
+    Row,
+    Table,
+    layout,
+)
 
 REPLAY_ROUNDING = 1e-8
 """m; tolerance of a plan's margin when it is carried on."""
@@ -87,10 +97,10 @@ class Scene(NamedTuple):
         edges: Of the footprint.
         robot: See :attr:`qpavoid.model.robot.Robot.limit_vector`.
         settings: One :data:`qpavoid.avoidance.settings.RECORD`.
-        bodies: (n, ``BODY``) in reach; see :mod:`qpavoid.avoidance.bodies`.
+        bodies: (n,) of :class:`Body`, in reach.
         last: v, ω driven last.
         pending: Sums of |v|, m/s, and of |ω|, rad/s, over the pending steps.
-        arcs: Memory for a rollout; see :mod:`qpavoid.avoidance.plan`.
+        arcs: Memory for a rollout: :class:`qpavoid.avoidance.plan.Arc`.
         groups: Walls, each containing successive bodies. The ``owner`` is the number of
             the body after them.
         longest: Greatest duration of a control step, s.
@@ -101,11 +111,11 @@ class Scene(NamedTuple):
     edges: Array
     robot: Array
     settings: npt.NDArray[np.void]
-    bodies: Array
+    bodies: Table
     last: Pair
     pending: Pair
-    arcs: Array
-    groups: Array
+    arcs: Table
+    groups: Table
     longest: float
     drift: float
     clearance: float
@@ -163,16 +173,16 @@ class Body(NamedTuple):
         v_x: Of the pivot, m/s.
         v_y: Of the pivot, m/s.
         turn: rad/s.
-        keep: Required distance: radius, inflation, r_min; m.
-        inflation: Required distance minus r_min, m.
+        required: Required distance: radius, inflation, r_min; m.
+        beyond_r_min: Required distance minus r_min, m.
         spread: Radius about the pivot of segment and required distance, m.
         speed: Greatest of its points, m/s.
         growth: Rate of growth of the required distance, m/s.
+        margin_now: Present margin of a static body near the robot, m; else ``inf``.
+        sigma: σ of the velocity of a moving body, m/s.
         kind: :data:`STANDS`, :data:`MOVES` or :data:`CREEPS`.
         owner: Number of the obstacle.
-        now: Present margin of a static body inside r_min, m, else ``inf``.
         group: Number of the group that begins with it, or −1.
-        sigma: σ of the velocity of a moving body, m/s.
     """
 
     x: float
@@ -184,59 +194,53 @@ class Body(NamedTuple):
     v_x: float
     v_y: float
     turn: float
-    keep: float
-    inflation: float
+    required: float
+    beyond_r_min: float
     spread: float
     speed: float
     growth: float
-    kind: float
-    owner: float
-    now: float
-    group: float
+    margin_now: float
     sigma: float
+    kind: int
+    owner: int
+    group: int
 
 
-BODY = len(Body._fields)
+BODY = layout(Body)
+BODY_SIZE = BODY.itemsize // 8
+"""Layout of the table of bodies, and numbers of memory per body."""
 
-BODY_KIND, BODY_OWNER, BODY_GROUP = map(Body._fields.index, ("kind", "owner", "group"))
-
-STANDS, MOVES, CREEPS = 0.0, 1.0, 2.0
+STANDS, MOVES, CREEPS = 0, 1, 2
 """Kinds: static, moving, and, without look-ahead, a slow obstacle modelled as static
 and growing at its speed."""
 
 
 @compiled
-def body_at(scene: Scene, i: int) -> Body:
-    """Return row i of the table."""
-    b = scene.bodies[i]
+def copied(b: Body) -> Body:
+    """Return a copy of a row of the table."""
     # fmt: off
-    return Body(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], b[10],
-                b[11], b[12], b[13], b[14], b[15], b[16], b[17], b[18])
+    return Body(b.x, b.y, b.x1, b.y1, b.x2, b.y2, b.v_x, b.v_y, b.turn, b.required,
+                b.beyond_r_min, b.spread, b.speed, b.growth, b.margin_now, b.sigma,
+                b.kind, b.owner, b.group)
     # fmt: on
 
 
-@compiled
-def set_body(bodies: Array, i: int, body: Body) -> None:
-    """Write row i of the table."""
-    b = bodies[i]
-    b[0], b[1], b[2], b[3] = body.x, body.y, body.x1, body.y1
-    b[4], b[5], b[6], b[7] = body.x2, body.y2, body.v_x, body.v_y
-    b[8], b[9], b[10], b[11] = body.turn, body.keep, body.inflation, body.spread
-    b[12], b[13], b[14], b[15] = body.speed, body.growth, body.kind, body.owner
-    b[16], b[17], b[18] = body.now, body.group, body.sigma
-
-
 @compiled_once
-def comes_first(bodies: Array, i: int, j: int) -> bool:
+def precedes(bodies: Table, i: int, j: int) -> bool:
     """Return whether row i is before row j in lexicographic order."""
-    for column in range(BODY_OWNER):
-        if bodies[i, column] != bodies[j, column]:
-            return bool(bodies[i, column] < bodies[j, column])
-    return False
+    a, b = bodies[i], bodies[j]
+    # fmt: off
+    one = (a.x, a.y, a.x1, a.y1, a.x2, a.y2, a.v_x, a.v_y, a.turn, a.required,
+           a.beyond_r_min,
+           a.spread, a.speed, a.growth, a.kind)
+    other = (b.x, b.y, b.x1, b.y1, b.x2, b.y2, b.v_x, b.v_y, b.turn, b.required,
+             b.beyond_r_min, b.spread, b.speed, b.growth, b.kind)
+    # fmt: on
+    return one < other
 
 
 @compiled_once
-def sort_bodies(bodies: Array) -> None:
+def sort_bodies(bodies: Table) -> None:
     """Sort the rows by Shell's method, independent of the order of input."""
     # Not numpy's sort, which allocates and is not in the C export.
     gap = count = bodies.shape[0]
@@ -244,18 +248,17 @@ def sort_bodies(bodies: Array) -> None:
         gap = max(gap * 5 // 11, 1)
         for i in range(gap, count):
             j = i - gap
-            while j >= 0 and comes_first(bodies, j + gap, j):
-                for column in range(bodies.shape[1]):
-                    kept = bodies[j, column]
-                    bodies[j, column] = bodies[j + gap, column]
-                    bodies[j + gap, column] = kept
+            while j >= 0 and precedes(bodies, j + gap, j):
+                copy = copied(bodies[j])
+                bodies[j] = bodies[j + gap]
+                bodies[j + gap] = copy
                 j -= gap
 
 
 @compiled
 def moves(scene: Scene, i: int) -> bool:
     """Return whether body i moves."""
-    return bool(scene.bodies[i, BODY_KIND] == MOVES)
+    return bool(scene.bodies[i].kind == MOVES)
 
 
 @compiled_once
@@ -270,7 +273,7 @@ def any_moves(scene: Scene) -> bool:
 @compiled
 def is_point(body: Body) -> bool:
     """Return whether a body has no length."""
-    return body.spread == body.keep
+    return body.spread == body.required
 
 
 @compiled_once
@@ -294,14 +297,14 @@ def group_points(scene: Scene, count: int) -> None:
     bodies, begin, made = scene.bodies, 0, 0
     for i in range(1, count + 1):
         a, b = bodies[begin], bodies[min(i, count - 1)]
-        square = (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2
+        square = (b.x - a.x) ** 2 + (b.y - a.y) ** 2
         # In proportion to the range: a distant wall may be longer.
-        near = square < WIDEST_GROUP * WIDEST_GROUP * (a[0] ** 2 + a[1] ** 2)
+        near = square < WIDEST_GROUP * WIDEST_GROUP * (a.x**2 + a.y**2)
         if i < count and i - begin < MOST_GROUPED and near:
             continue
         if i - begin >= FEW and made < scene.groups.shape[0]:
-            set_body(scene.groups, made, group_of(scene, begin, i))
-            bodies[begin, BODY_GROUP] = made
+            scene.groups[made] = group_of(scene, begin, i)
+            bodies[begin].group = made
             made += 1
         begin = i
 
@@ -309,22 +312,24 @@ def group_points(scene: Scene, count: int) -> None:
 @compiled_once
 def group_of(scene: Scene, begin: int, end: int) -> Body:
     """Return a wall whose margin is at most that of any of these points."""
-    one, other = body_at(scene, begin), body_at(scene, end - 1)
+    one, other = scene.bodies[begin], scene.bodies[end - 1]
     axis = Segment(one.x, one.y, other.x, other.y)
-    keep, r_min, z = 0.0, math.inf, 0.0
+    required, r_min, z = 0.0, math.inf, 0.0
     for i in range(begin, end):
-        body = body_at(scene, i)
+        body = scene.bodies[i]
         d_x, d_y = from_segment(axis, body.x, body.y)
         # The axis joins the first and the last point; the required distance includes
         # the greatest deviation from it. TINY covers rounding.
-        keep = max(keep, body.keep + math.sqrt(d_x * d_x + d_y * d_y) + TINY)
-        r_min = min(r_min, body.keep - body.inflation)
+        required = max(
+            required, body.required + math.sqrt(d_x * d_x + d_y * d_y) + TINY
+        )
+        r_min = min(r_min, body.required - body.beyond_r_min)
     x, y = 0.5 * (one.x + other.x), 0.5 * (one.y + other.y)
     x1, y1, x2, y2 = one.x - x, one.y - y, other.x - x, other.y - y
-    spread = keep + math.sqrt(max(x1**2 + y1**2, x2**2 + y2**2))
+    spread = required + math.sqrt(max(x1**2 + y1**2, x2**2 + y2**2))
     # fmt: off
-    return Body(x, y, x1, y1, x2, y2, z, z, z, keep, keep - r_min, spread, z, z,
-                STANDS, float(end), math.inf, -1.0, z)
+    return Body(x, y, x1, y1, x2, y2, z, z, z, required, required - r_min, spread, z, z,
+                math.inf, z, STANDS, end, -1)
 
 
 @compiled_once
@@ -345,13 +350,14 @@ def bodies_in_reach(scene: Scene, obstacles: Arrays, age: float, horizon: float)
     stop = stopping_time(robot, fastest, turning, s.dt) * scene.longest / s.dt
     if s.ramps != 0:
         stop *= 2.0
-    _, low = wanted_distance(scene.settings, 0.0, age)
+    _, required = required_distance(scene.settings, 0.0, age)
     still = radius + fastest * (horizon + stop)
     count = 0
     for i in range(points.shape[0]):
-        body = point_body(scene, (points[i, 0], points[i, 1]), low, i)
-        if body.x * body.x + body.y * body.y < (body.keep + still) ** 2:
-            set_body(bodies, count, keep_at_most(scene, body))
+        body = point_body(scene, (points[i, 0], points[i, 1]), required, i)
+        if body.x * body.x + body.y * body.y < (body.required + still) ** 2:
+            bodies[count] = body
+            cap_now(scene, bodies[count])
             count += 1
     first = count
     for i in range(capsules.shape[0]):
@@ -363,7 +369,8 @@ def bodies_in_reach(scene: Scene, obstacles: Arrays, age: float, horizon: float)
         elif body.kind == CREEPS:
             near = body.growth <= s.speed_low and apart < still + body.growth * stop
         if near:
-            set_body(bodies, count, keep_at_most(scene, body))
+            bodies[count] = body
+            cap_now(scene, bodies[count])
             count += 1
     one = tangent_of_nearest(scene, count, (0.0, 0.0))
     if one.distance < math.inf:
@@ -385,8 +392,8 @@ def tangent_of_nearest(scene: Scene, count: int, side: Pair) -> Tangent:
     slack, nearest = tolerance(scene), no_tangent(side)
     near = scene.settings[0].r_min_slow - slack - ROUNDED_IN
     for i in range(count):
-        body = body_at(scene, i)
-        distance = body.keep - body.inflation - slack
+        body = scene.bodies[i]
+        distance = body.required - body.beyond_r_min - slack
         within = 0.0 < distance < min(near, nearest.distance)
         if within and body.kind == STANDS:
             c = line_contact_now(scene.edges, body)
@@ -400,30 +407,27 @@ def tangent_of_nearest(scene: Scene, count: int, side: Pair) -> Tangent:
 def cap_behind(scene: Scene, count: int, tangent: Tangent) -> None:
     """Cap the required distance of static bodies behind a tangent at its distance."""
     for i in range(count):
-        b, most = body_at(scene, i), tangent.distance + tolerance(scene)
-        excess = b.keep - b.inflation - most
+        b, most = scene.bodies[i], tangent.distance + tolerance(scene)
+        excess = b.required - b.beyond_r_min - most
         if b.kind != STANDS or excess <= 0.0:
             continue
         one, other = (b.x + b.x1, b.y + b.y1), (b.x + b.x2, b.y + b.y2)
-        behind = is_behind(tangent, one, b.inflation)
-        if behind and is_behind(tangent, other, b.inflation):
-            # fmt: off
-            set_body(scene.bodies, i, Body(
-                b.x, b.y, b.x1, b.y1, b.x2, b.y2, b.v_x, b.v_y, b.turn, b.keep - excess,
-                b.inflation, b.spread - excess, b.speed, b.growth, b.kind, b.owner,
-                -tolerance(scene), b.group, b.sigma))
-            # fmt: on
+        behind = is_behind(tangent, one, b.beyond_r_min)
+        if behind and is_behind(tangent, other, b.beyond_r_min):
+            b.required, b.spread = b.required - excess, b.spread - excess
+            b.margin_now = -tolerance(scene)
 
 
 @compiled_once
-def point_body(scene: Scene, place: Pair, low: float, owner: int) -> Body:
-    """Return a static point with the required distance ``low``, m."""
-    (x, y), keep, margin, z = place, low, low - scene.settings[0].r_min_slow, 0.0
+def point_body(scene: Scene, place: Pair, required: float, owner: int) -> Body:
+    """Return a static point with the required distance ``required``, m."""
+    (x, y), z = place, 0.0
+    beyond = required - scene.settings[0].r_min_slow
     if scene.settings[0].closing_gain > 0.0:
-        keep += closing_margin(scene, place, (0.0, 0.0))
+        required += closing_margin(scene, place, (0.0, 0.0))
     # fmt: off
-    return Body(x, y, z, z, z, z, z, z, z, keep, margin, keep, z, z, STANDS,
-                float(owner), math.inf, -1.0, z)
+    return Body(x, y, z, z, z, z, z, z, z, required, beyond, required, z, z, math.inf,
+                z, STANDS, owner, -1)
 
 
 @compiled_once
@@ -443,14 +447,14 @@ def capsule_body(
     """
     c, speed, growth = capsules[i], speed_bound(capsules, i), 0.0
     x, y, v_x, v_y = c[PIVOT_X], c[PIVOT_Y], c[V_X], c[V_Y]
-    r_min, keep = wanted_distance(scene.settings, speed, age)
-    keep += closing_margin(scene, (x, y), (v_x, v_y)) + c[RADIUS]
+    r_min, required = required_distance(scene.settings, speed, age)
+    required += closing_margin(scene, (x, y), (v_x, v_y)) + c[RADIUS]
     x1, y1, x2, y2 = c[X1], c[Y1], c[X2], c[Y2]
     nearer, level = abs(y2) < abs(y1), abs(y2) == abs(y1)
     if x2 < x1 or (x2 == x1 and (nearer or (level and y2 < y1))):
         x1, y1, x2, y2 = x2, y2, x1, y1
     x1, y1, x2, y2 = x1 - x, y1 - y, x2 - x, y2 - y
-    spread = keep + math.sqrt(max(x1**2 + y1**2, x2**2 + y2**2))
+    spread = required + math.sqrt(max(x1**2 + y1**2, x2**2 + y2**2))
     kind, turn = MOVES, c[TURN]
     sigma = c[SIGMA]
     still = speed <= SPEED_AT_REST and sigma == 0.0
@@ -458,28 +462,24 @@ def capsule_body(
         kind, growth = (STANDS, 0.0) if speed <= SPEED_AT_REST else (CREEPS, speed)
         v_x, v_y, turn, speed, sigma = 0.0, 0.0, 0.0, 0.0, 0.0
     # fmt: off
-    return Body(x, y, x1, y1, x2, y2, v_x, v_y, turn, keep, keep - r_min, spread, speed,
-                growth, kind, c[OWNER], math.inf, -1.0, sigma)
+    return Body(x, y, x1, y1, x2, y2, v_x, v_y, turn, required, required - r_min,
+                spread, speed, growth, math.inf, sigma, kind, int(c[OWNER]), -1)
 
 
 @compiled_once
-def keep_at_most(scene: Scene, body: Body) -> Body:
+def cap_now(scene: Scene, body: Row) -> None:
     """Cap the required distance of a static body at the present one plus ε."""
-    far, b = limits_of(scene.robot).circumradius + body.spread, body
-    if b.kind == MOVES or b.x**2 + b.y**2 >= far * far:
-        return body
-    distance, growth = line_contact_now(scene.edges, body).distance, b.growth
+    far = limits_of(scene.robot).circumradius + body.spread
+    if body.kind == MOVES or body.x**2 + body.y**2 >= far * far:
+        return
+    distance = line_contact_now(scene.edges, body).distance
     # Inside r_min no plan keeps it, not even standing still; the rows of the present
     # lead out.
-    missing = b.keep - distance - tolerance(scene)
+    missing = body.required - distance - tolerance(scene)
     if missing > 0.0:
-        growth = 0.0
-    missing = max(missing, 0.0)
-    keep, spread = b.keep - missing, b.spread - missing
-    # fmt: off
-    return Body(b.x, b.y, b.x1, b.y1, b.x2, b.y2, b.v_x, b.v_y, b.turn, keep,
-                b.inflation, spread, b.speed, growth, b.kind, b.owner, distance - keep,
-                b.group, b.sigma)
+        body.growth, body.required = 0.0, body.required - missing
+        body.spread -= missing
+    body.margin_now = distance - body.required
 
 
 @compiled_once

@@ -24,18 +24,12 @@ from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.capsules import greatest_speed
 from qpavoid.model.contact import approach_row, corner_at
 from qpavoid.model.contacts import (
-    DISTANCE,
-    NORMAL_X,
-    NORMAL_Y,
-    P_X,
-    P_Y,
     ObstacleContact,
-    contact_at,
 )
 from qpavoid.model.kinematics import TINY
 from qpavoid.model.robot import braking_steps, limits_of, stopping_time
 from qpavoid.qp.exact import A_OMEGA, A_V, ROW_OWNER, B
-from qpavoid.types import Array, Box, Pair
+from qpavoid.types import Array, Box, Pair, Row, Table
 
 BARRIER = 0
 
@@ -54,7 +48,7 @@ def tolerated(settings: npt.NDArray[np.void]) -> float:
 
 @entry
 @compiled
-def wanted_distance(
+def required_distance(
     settings: FilterSettings, speed: float, age: float
 ) -> tuple[float, float]:
     """Return r_min(v_o), and the required distance: r_min and the inflation, in m."""
@@ -80,9 +74,9 @@ def row_reach(
     limits = limits_of(robot)
     s = settings[0]
     fastest = greatest_speed(capsules)
-    r_min, wanted = wanted_distance(settings, fastest, age)
+    r_min, required = required_distance(settings, fastest, age)
     if s.bound != BARRIER:
-        return float(min(wanted + (s.zone_ratio - 1.0) * r_min, s.reach))
+        return float(min(required + (s.zone_ratio - 1.0) * r_min, s.reach))
     v = max(-limits.v_min, limits.v_max)
     omega = max(-limits.omega_min, limits.omega_max)
     # No point of the footprint is farther than R from the axle's middle: |v| + |ω| R
@@ -91,11 +85,11 @@ def row_reach(
     # 1/γ' of the gain γ' = γ/(1 + γκ) that a growing r_min leaves, see constraint_rows.
     time = 1.0 / s.gamma + s.closing_gain
     if not s.braking_room:
-        return float(min(wanted + speed * time, s.reach))
+        return float(min(required + speed * time, s.reach))
     stop = speed * stopping_time(robot, v, omega, s.dt) * (1.0 + s.jitter)
     if s.passive:
         stop = speed * s.dt * braking_steps(robot, v, omega, s.dt)
-    return float(wanted + max(min(speed * time, s.reach - wanted), stop))
+    return float(required + max(min(speed * time, s.reach - required), stop))
 
 
 @compiled
@@ -139,17 +133,17 @@ def speed_of(contact: ObstacleContact) -> float:
 
 
 @compiled_once
-def may_be_here(contacts: Array, settings: npt.NDArray[np.void], age: float) -> bool:
+def is_too_old(contacts: Table, settings: npt.NDArray[np.void], age: float) -> bool:
     """Return whether an obstacle may have moved by more than r_min since measured.
 
     See :class:`qpavoid.avoidance.settings.Margins`.
     """
     s = settings[0]
     for k in range(contacts.shape[0] if age > 0.0 else 0):
-        c = contact_at(contacts, k)
-        _, wanted = wanted_distance(settings, speed_of(c), age)
+        c = contacts[k]
+        _, required = required_distance(settings, speed_of(c), age)
         come = come_since(speed_of(c), age, s.obstacle_acceleration)
-        if come > s.r_min_slow and c.distance < wanted:
+        if come > s.r_min_slow and c.distance < required:
             return True
     return False
 
@@ -159,7 +153,7 @@ def contact_bound(
     contact: ObstacleContact,
     robot: Array,
     settings: npt.NDArray[np.void],
-    keep: Pair,
+    distances: Pair,
     age: float,
 ) -> tuple[float, float, float]:
     """Return a_v (1), a_ω (m/rad) and b (m/s) of a contact; b = −∞ if it has no row.
@@ -168,30 +162,30 @@ def contact_bound(
         contact: Of the obstacle.
         robot: Its limits.
         settings: Of the filter.
-        keep: r_min(v_o), and the required distance, m.
+        distances: r_min(v_o), and the required distance, m.
         age: Of the measurement, s.
     """
-    s, c, (r_min, wanted) = settings[0], contact, keep
+    s, c, (r_min, required) = settings[0], contact, distances
     a_v, a_omega = approach_row(c.x, c.y, c.n_x, c.n_y)
     if s.bound == BARRIER:
-        room, speed = c.distance - wanted, speed_of(c)
-        if room < 0.0:
+        margin, speed = c.distance - required, speed_of(c)
+        if margin < 0.0:
             # The measured position counts, without the inflation by age.
-            room = min(room + come_since(speed, age, s.obstacle_acceleration), 0.0)
+            margin = min(margin + come_since(speed, age, s.obstacle_acceleration), 0.0)
         # For a margin ≤ 0 the row requires separation, without a closing speed that
         # r_min would grow with: γ itself.
         bound = (
-            -(s.gamma / (1.0 + s.gamma * s.closing_gain) if room > 0.0 else s.gamma)
-            * room
+            -(s.gamma / (1.0 + s.gamma * s.closing_gain) if margin > 0.0 else s.gamma)
+            * margin
         )
         # The stopping distance applies to static obstacles; moving ones are predicted.
-        if s.braking_room and speed <= SPEED_AT_REST and room > 0.0:
-            bound = max(bound, -closing_bound(robot, s.dt, (a_v, a_omega), room))
+        if s.braking_room and speed <= SPEED_AT_REST and margin > 0.0:
+            bound = max(bound, -closing_bound(robot, s.dt, (a_v, a_omega), margin))
         return a_v, a_omega, bound - (c.n_x * c.v_x + c.n_y * c.v_y)
-    r = wanted + (s.zone_ratio - 1.0) * r_min
+    r = required + (s.zone_ratio - 1.0) * r_min
     if c.distance >= r:
         return a_v, a_omega, -math.inf
-    return a_v, a_omega, s.speed * activation(s.activation, c.distance, wanted, r)
+    return a_v, a_omega, s.speed * activation(s.activation, c.distance, required, r)
 
 
 @compiled
@@ -203,7 +197,7 @@ def set_row(row: Array, slope: Pair, bound: float, owner: int) -> None:
 
 @compiled
 def constraint_rows(
-    contacts: Array,
+    contacts: Table,
     robot: Array,
     settings: npt.NDArray[np.void],
     box: Box,
@@ -230,18 +224,18 @@ def constraint_rows(
             leave; all others are constrained by predictions.
         rows: (n + 4, 9) filled; see :data:`qpavoid.qp.exact.ROW_WIDTH`.
     """
-    s, still, count = settings[0], wanted_distance(settings, 0.0, age), 0
+    s, still, count = settings[0], required_distance(settings, 0.0, age), 0
     # Predictions tolerate r_min − ε: only nearer obstacles need a row of the present.
     near = still[1] - tolerated(settings)
     for k in range(contacts.shape[0]):
-        c = contact_at(contacts, k)
+        c = contacts[k]
         speed = speed_of(c)
         if c.distance > s.reach or (
             ahead and (speed > SPEED_AT_REST or c.distance >= near)
         ):
             continue
-        keep = still if speed == 0.0 else wanted_distance(settings, speed, age)
-        a_v, a_omega, bound = contact_bound(c, robot, settings, keep, age)
+        distances = still if speed == 0.0 else required_distance(settings, speed, age)
+        a_v, a_omega, bound = contact_bound(c, robot, settings, distances, age)
         if not is_redundant((a_v, a_omega), bound, box):
             set_row(rows[count], (a_v, a_omega), bound, c.obstacle)
             count += 1
@@ -296,13 +290,19 @@ def no_tangent(side: Pair) -> Tangent:
 
 @compiled_once
 def tangent_at(edges: Array, place: Pair, normal: Pair, distance: float) -> Tangent:
-    """Return the tangent of a contact of the footprint at P_r, m."""
+    """Return the tangent of a contact of the footprint at P_r, m.
+
+    None if the footprint, not convex, reaches beyond it.
+    """
     (x, y), (n_x, n_y) = place, normal
     foremost, first = n_x * x + n_y * y, n_x * y - n_y * x
     last = first
     for i in range(edges.shape[0]):
         corner_x, corner_y = corner_at(edges, i)
-        if n_x * corner_x + n_y * corner_y > foremost - TINY:
+        ahead = n_x * corner_x + n_y * corner_y
+        if ahead > foremost + distance + TINY:
+            return no_tangent(normal)
+        if ahead > foremost - TINY:
             beside = n_x * corner_y - n_y * corner_x
             first, last = min(first, beside), max(last, beside)
     return Tangent(normal, foremost + distance, first, last, distance)
@@ -319,14 +319,14 @@ def is_behind(tangent: Tangent, place: Pair, radius: float) -> bool:
 
 
 @compiled_once
-def nearest_tangent(edges: Array, contacts: Array, near: float, side: Pair) -> Tangent:
+def nearest_tangent(edges: Array, contacts: Table, near: float, side: Pair) -> Tangent:
     """Return the tangent of the nearest static contact of 0 to ``near`` m.
 
     Contacts whose normal points to the same side as ``side`` are excluded.
     """
     nearest = no_tangent(side)
     for k in range(contacts.shape[0]):
-        c = contact_at(contacts, k)
+        c = contacts[k]
         within = 0.0 < c.distance < min(near, nearest.distance)
         if within and c.v_x == 0.0 and c.v_y == 0.0:
             if c.n_x * side[0] + c.n_y * side[1] <= 0.0:
@@ -335,7 +335,7 @@ def nearest_tangent(edges: Array, contacts: Array, near: float, side: Pair) -> T
 
 
 @compiled_once
-def turn_to_walls(edges: Array, contacts: Array, near: float) -> None:
+def turn_to_walls(edges: Array, contacts: Table, near: float) -> None:
     """Replace the normals of static contacts behind the nearest tangent by its normal.
 
     The nearest tangent to either side, within ``near`` m; distances are then along its
@@ -346,17 +346,17 @@ def turn_to_walls(edges: Array, contacts: Array, near: float) -> None:
     if one.distance < math.inf:
         other = nearest_tangent(edges, contacts, near, one.normal)
         for k in range(contacts.shape[0]):
-            c = contact_at(contacts, k)
+            c = contacts[k]
             if 0.0 < c.distance < near and c.v_x == 0.0 and c.v_y == 0.0:
                 turn_to_wall(contacts[k], one)
                 turn_to_wall(contacts[k], other)
 
 
 @compiled
-def turn_to_wall(row: Array, tangent: Tangent) -> None:
+def turn_to_wall(c: Row, tangent: Tangent) -> None:
     """Replace the normal of a contact by that of a tangent in front of it."""
-    x, y, (n_x, n_y) = row[P_X], row[P_Y], tangent.normal
-    place = (x + row[DISTANCE] * row[NORMAL_X], y + row[DISTANCE] * row[NORMAL_Y])
+    x, y, (n_x, n_y) = c.x, c.y, tangent.normal
+    place = (x + c.distance * c.n_x, y + c.distance * c.n_y)
     if tangent.distance < math.inf and is_behind(tangent, place, 0.0):
-        row[NORMAL_X], row[NORMAL_Y] = n_x, n_y
-        row[DISTANCE] = n_x * (place[0] - x) + n_y * (place[1] - y)
+        c.n_x, c.n_y = n_x, n_y
+        c.distance = n_x * (place[0] - x) + n_y * (place[1] - y)

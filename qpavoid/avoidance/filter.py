@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from copy import deepcopy
+from dataclasses import replace
 from threading import get_ident
 from time import perf_counter
 from typing import Any
@@ -30,24 +31,33 @@ from qpavoid.avoidance.inputs import (
     seen_of,
     why_invalid,
 )
-from qpavoid.avoidance.plan import UNTIL, Plan, fresh_state, kept_plan, set_driven
+from qpavoid.avoidance.plan import (
+    KEPT,
+    PENDING,
+    Plan,
+    fresh_state,
+    kept_plan,
+    set_driven,
+)
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.step import (
     WORKSPACE_TOO_SMALL,
-    carve,
     filter_outcome,
     filter_step,
     memory_size,
+    workspace_in,
 )
 from qpavoid.compiled import bound
 from qpavoid.errors import QPAvoidError, ThreadError
 from qpavoid.model.contacts import most_contacts
+from qpavoid.model.footprint import Footprint
 from qpavoid.model.given import NO_CAPSULES, NO_POINTS
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import UNLIMITED_TWIST, Robot, braking_twist
 from qpavoid.qp.exact import ROW_OWNER, B
 from qpavoid.qp.problem import FilterProblem, SolveStatus
 from qpavoid.qp.solve import BackEnd, load_back_end, solve
+from qpavoid.settings import want
 from qpavoid.types import Array, Arrays, Pair
 
 CONTACTS = 512
@@ -88,10 +98,7 @@ class Engine:
         self, robot: Robot, settings: AvoidanceSettings, solver: str, ahead: bool
     ) -> None:
         self.settings, self.solver, self.ahead = settings, solver, ahead
-        edges, limits = robot.footprint.edges, robot.limit_vector
-        endless = np.isinf(limits) & (np.arange(len(limits)) < 4)
-        limits[endless] = np.copysign(UNLIMITED_TWIST, limits[endless])
-        self.setup = Setup(edges, limits, settings.record())
+        self.setup = setup_of(robot, settings)
         self.forget()
         self.use(named_back_end(solver))
 
@@ -119,6 +126,11 @@ class Engine:
         vars(self).update(state)
         self._begin()
         self.use(named_back_end(self.solver))
+
+    def fit(self, robot: Robot) -> None:
+        """Set another footprint; the state is kept."""
+        self.setup = setup_of(robot, self.settings)
+        self._be_quick()
 
     def bind(self, thread: int) -> None:
         """Bind to the first thread that uses it; ThreadError for another one."""
@@ -179,7 +191,7 @@ class Engine:
     def problem(self, arrays: Arrays) -> FilterProblem:
         """Return the QP of the last step, among these obstacles."""
         most = most_contacts(self.setup.edges, arrays)
-        carved = carve.py_func  # type: ignore[attr-defined]
+        carved = workspace_in.py_func  # type: ignore[attr-defined]
         space = carved(self._memory, most, self.setup.settings)
         m, hard, v_min, v_max, omega_min, omega_max, *desired = space.problem.tolist()
         rows = space.rows[: int(m)]
@@ -201,6 +213,14 @@ class Engine:
         if solution.status is SolveStatus.FAILED:
             return math.nan, math.nan
         return solution.u[0].item(), solution.u[1].item()
+
+
+def setup_of(robot: Robot, settings: AvoidanceSettings) -> Setup:
+    """Return robot and settings for compiled functions, with finite twists."""
+    edges, limits = robot.footprint.edges, robot.limit_vector
+    endless = np.isinf(limits) & (np.arange(len(limits)) < 4)
+    limits[endless] = np.copysign(UNLIMITED_TWIST, limits[endless])
+    return Setup(edges, limits, settings.record())
 
 
 def named_back_end(solver: str) -> BackEnd | None:
@@ -281,6 +301,31 @@ class SafetyFilter:
         return self._robot
 
     @property
+    def footprint(self) -> Footprint:
+        """Footprint of the robot, which may be set between steps.
+
+        The state is kept: twist, plan, faults, thread. The next verdict is that of the
+        new footprint, of the retained plan too: if that is not clear any more, and no
+        other plan is, the robot brakes or the decision is ``relaxed``. Obstacles that a
+        larger footprint has inside r_min, or overlaps with, are treated as any others
+        there: the clearance says so, and they are only left. Theorem 1 holds again once
+        the robot stands with d ≥ r_min − ε for the new footprint.
+
+        Raises:
+            InvalidInputError: It is no Footprint; the previous one is kept.
+            ThreadError: Another thread has used the filter since :meth:`reset`.
+        """
+        return self._robot.footprint
+
+    @footprint.setter
+    def footprint(self, footprint: Footprint) -> None:
+        want(isinstance(footprint, Footprint), "footprint must be a Footprint")
+        if self._engine.is_elsewhere():
+            raise ThreadError(ELSEWHERE)
+        self._robot = replace(self._robot, footprint=footprint)
+        self._engine.fit(self._robot)
+
+    @property
     def settings(self) -> AvoidanceSettings:
         """Weights, bound, radii, look-ahead, control step."""
         return self._settings
@@ -318,7 +363,8 @@ class SafetyFilter:
         horizon minus a control step for a new plan; less if an earlier one is carried
         on, as it may be for ``planned``. 0 without look-ahead.
         """
-        return float(self._engine.state[UNTIL]) if self.ahead else 0.0
+        kept = self._engine.state[:PENDING].view(KEPT)[0]
+        return float(kept.until) if self.ahead else 0.0
 
     @property
     def _last(self) -> Pair:

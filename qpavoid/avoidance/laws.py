@@ -4,20 +4,21 @@ import math
 from typing import Annotated
 
 from qpavoid.avoidance.bodies import Request, Setup
-from qpavoid.avoidance.cbf_rows import wanted_distance
+from qpavoid.avoidance.cbf_rows import required_distance
 from qpavoid.avoidance.decision import INVALID, REPELLED, SINGULAR, TRACKING
 from qpavoid.avoidance.settings import activation
 from qpavoid.avoidance.step import Outcome, no_outcome
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.model.contact import approach_row, edge_at
 from qpavoid.model.contacts import (
+    CONTACT_SIZE,
     ObstacleContact,
     contact_at,
     contact_table,
     most_contacts,
 )
 from qpavoid.model.robot import limit_twist, limits_of
-from qpavoid.types import ContactRowsWritten, Sizes, VectorWritten
+from qpavoid.types import Sizes, VectorWritten
 
 SINGULAR_LEVER = 1e-9
 """m; shorter undamped lever arms count as singular."""
@@ -83,10 +84,11 @@ def _repulsion_step_fits(
     setup: Setup,
     request: Request,
     state: Annotated[VectorWritten, Sizes(2)],
-    contacts: ContactRowsWritten,
+    contacts: VectorWritten,
 ) -> bool:
     """Return whether ``contacts`` has room for all contacts."""
-    all_fit: bool = contacts.shape[0] >= most_contacts(setup.edges, request.obstacles)
+    most = most_contacts(setup.edges, request.obstacles)
+    all_fit: bool = contacts.shape[0] >= most * CONTACT_SIZE
     return all_fit
 
 
@@ -97,7 +99,7 @@ def repulsion_step(
     setup: Setup,
     request: Request,
     state: Annotated[VectorWritten, Sizes(2)],
-    contacts: ContactRowsWritten,
+    contacts: VectorWritten,
 ) -> Outcome:
     """Return the outcome of Eq. 5 or Eq. 7; only the nearest obstacle repels.
 
@@ -135,7 +137,7 @@ def repulsive_twist(
     """Return the status and the twist that Eq. 5 or 7 adds at a contact."""
     s, c, age, (v, omega) = setup.settings[0], contact, request.age, request.desired
     speed = math.sqrt(c.v_x * c.v_x + c.v_y * c.v_y)
-    r_min, wanted = wanted_distance(setup.settings, speed, age)
+    r_min, wanted = required_distance(setup.settings, speed, age)
     a_v, a_omega = approach_row(c.x, c.y, c.n_x, c.n_y)
     closing = -(a_v * v + a_omega * omega + c.n_x * c.v_x + c.n_y * c.v_y)
     wanted += s.closing_gain * max(closing, 0.0)

@@ -12,43 +12,24 @@ from typing import Annotated, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.bodies import Scene, Setup
+from qpavoid.avoidance.bodies import BODY, Scene, Setup
 from qpavoid.avoidance.settings import MOST_PENDING, FilterSettings
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.model.kinematics import Frame, moved_on
 from qpavoid.model.robot import RELATIVE_ROUNDING, braking_steps, limit_twist, limits_of
-from qpavoid.types import Array, MatrixWritten, Pair, Sizes, Vector, VectorWritten
+from qpavoid.types import (
+    Array,
+    MatrixWritten,
+    Pair,
+    Sizes,
+    Table,
+    Vector,
+    VectorWritten,
+    layout,
+)
 
 SAME_TIME = 1e-6
 """Of a control step or tick; relative tolerance of equal times."""
-
-
-class Arc(NamedTuple):
-    """A part of a rollout: the twist is held, or braked to rest along its arc.
-
-    Attributes:
-        begin: s.
-        x: Of its start, m.
-        y: Of its start, m.
-        cos: Of the heading there.
-        sin: Of the heading there.
-        v: m/s.
-        omega: rad/s.
-        steps: Control steps of braking; ``inf``: the twist is held.
-        share_v: ∂v/∂v of the first target.
-        share_omega: ∂ω/∂ω of it.
-    """
-
-    begin: float
-    x: float
-    y: float
-    cos: float
-    sin: float
-    v: float
-    omega: float
-    steps: float
-    share_v: float
-    share_omega: float
 
 
 class Slopes(NamedTuple):
@@ -69,14 +50,54 @@ class Slopes(NamedTuple):
     turn: float
 
 
-SHARE_V, SHARE_OMEGA = map(Arc._fields.index, ("share_v", "share_omega"))
-SLOPES = len(Arc._fields)
-ARC = SLOPES + len(Slopes._fields)
-"""Columns of the table of arcs: :class:`Arc`, and :class:`Slopes` at its start."""
+class Arc(NamedTuple):
+    """A part of a rollout: the twist is held, or braked to rest along its arc.
+
+    Attributes:
+        begin: s.
+        x: Of its start, m.
+        y: Of its start, m.
+        cos: Of the heading there.
+        sin: Of the heading there.
+        v: m/s.
+        omega: rad/s.
+        steps: Control steps of braking; ``inf``: the twist is held.
+        slope_v: ∂v/∂v of the first target.
+        slope_omega: ∂ω/∂ω of it.
+        x_v: Derivatives of its start, see :class:`Slopes`, s.
+        y_v: s.
+        x_omega: m s.
+        y_omega: m s.
+        turn: s.
+    """
+
+    begin: float
+    x: float
+    y: float
+    cos: float
+    sin: float
+    v: float
+    omega: float
+    steps: float
+    slope_v: float
+    slope_omega: float
+    x_v: float
+    y_v: float
+    x_omega: float
+    y_omega: float
+    turn: float
+
+
+ARC = layout(Arc)
+ARC_SIZE = ARC.itemsize // 8
+"""Layout of the table of arcs, and numbers of memory per arc."""
 
 
 class Plan(NamedTuple):
-    """A twist, from ``switch`` on another one, from ``end`` on braking along the arc.
+    """A twist, from ``switch`` on another one, then braking along the arc.
+
+    The arc of braking begins one control step before ``end``: its first step is driven
+    in full.
 
     Both times are whole control steps.
 
@@ -86,7 +107,7 @@ class Plan(NamedTuple):
         switch: s.
         v_then: m/s.
         omega_then: rad/s.
-        end: s; at least one control step.
+        end: s; at least one control step, or 0: braking at once.
     """
 
     v: float
@@ -101,14 +122,14 @@ class Rollout(NamedTuple):
     """Trajectory of a plan: arcs with zero-order hold.
 
     Attributes:
-        arcs: (n, :data:`ARC`); the last one has no end.
+        arcs: (n,) of :class:`Arc`; the last one has no end.
         speed: Greatest |v|, m/s.
         turning: Greatest |ω|, rad/s.
         rest: Time from which on the robot stands, s.
         target: First target twist of the plan.
     """
 
-    arcs: Array
+    arcs: Table
     speed: float
     turning: float
     rest: float
@@ -154,50 +175,22 @@ def ramp(
     return end, mean if full > 0.0 else target, rest / many
 
 
-@compiled
-def arc_at(arcs: Array, row: int) -> Arc:
-    """Return a row of the table as a record."""
-    a = arcs[row]
-    return Arc(a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9])
-
-
 @compiled_once
-def arc_index(arcs: Array, row: int, time: float) -> int:
+def arc_index(arcs: Table, row: int, time: float) -> int:
     """Return the index of the arc driven at a time, searched from ``row`` on."""
-    while row + 1 < arcs.shape[0] and arc_at(arcs, row + 1).begin <= time:
+    while row + 1 < arcs.shape[0] and arcs[row + 1].begin <= time:
         row += 1
     return row
-
-
-@compiled
-def slopes_of(arcs: Array, row: int) -> Slopes:
-    """Return the slopes at the start of an arc."""
-    a = arcs[row]
-    return Slopes(a[SLOPES], a[SLOPES + 1], a[SLOPES + 2], a[SLOPES + 3], a[SLOPES + 4])
-
-
-@compiled
-def set_slopes(arcs: Array, row: int, slopes: Slopes) -> None:
-    """Write the slopes of an arc."""
-    a = arcs[row]
-    a[SLOPES], a[SLOPES + 1], a[SLOPES + 2] = slopes.x_v, slopes.y_v, slopes.x_omega
-    a[SLOPES + 3], a[SLOPES + 4] = slopes.y_omega, slopes.turn
 
 
 @compiled
 def arc_from(begin: float, at: Frame, twist: Pair, steps: float) -> Arc:
     """Return an arc that is independent of the target."""
     v, omega = twist
-    return Arc(begin, at.x, at.y, at.cos, at.sin, v, omega, steps, 0.0, 0.0)
-
-
-@compiled
-def set_arc(arcs: Array, row: int, arc: Arc) -> None:
-    """Write a row of the table."""
-    a = arcs[row]
-    a[0], a[1], a[2], a[3], a[4] = arc.begin, arc.x, arc.y, arc.cos, arc.sin
-    a[5], a[6], a[7] = arc.v, arc.omega, arc.steps
-    a[SHARE_V], a[SHARE_OMEGA] = arc.share_v, arc.share_omega
+    z = 0.0
+    # fmt: off
+    return Arc(begin, at.x, at.y, at.cos, at.sin, v, omega, steps, z, z, z, z, z, z, z)
+    # fmt: on
 
 
 @compiled_once
@@ -219,7 +212,7 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, held: float, many: int) -> Rol
     (twist_v, twist_omega), last = now, plan.end - dt
     # A plan of one control step consists of braking only.
     if 0.0 < held <= last + same:
-        set_arc(arcs, 0, arc_from(0.0, at, now, math.inf))
+        arcs[0] = arc_from(0.0, at, now, math.inf)
         at, time, row = moved_on(at, now[0], now[1], held), held, 1
         speed, turning = abs(now[0]), abs(now[1])
     for part in range(2):
@@ -240,9 +233,9 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, held: float, many: int) -> Rol
             # Both are at their target: one arc to the end of this part.
             if v_mean == v and w_mean == omega:
                 lasts = until - time
-            set_arc(arcs, row, arc_from(time, at, (v_mean, w_mean), math.inf))
+            arcs[row] = arc_from(time, at, (v_mean, w_mean), math.inf)
             if part == 0:
-                arcs[row, SHARE_V], arcs[row, SHARE_OMEGA] = v_share, w_share
+                arcs[row].slope_v, arcs[row].slope_omega = v_share, w_share
             at, time, row = moved_on(at, v_mean, w_mean, lasts), time + lasts, row + 1
             speed, turning = max(speed, abs(v_mean)), max(turning, abs(w_mean))
             twist_v, twist_omega = v_end, w_end
@@ -254,7 +247,7 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, held: float, many: int) -> Rol
         before = (twist_v, twist_omega)
         twist_v, twist_omega = limit_twist(robot, (v, omega), before, dt)
     steps = braking_steps(robot, twist_v, twist_omega, dt)
-    set_arc(arcs, row, arc_from(time, at, (twist_v, twist_omega), steps))
+    arcs[row] = arc_from(time, at, (twist_v, twist_omega), steps)
     speed, turning = max(speed, abs(twist_v)), max(turning, abs(twist_omega))
     rest = time + scene.longest * steps if speed + turning > 0.0 else time
     return Rollout(arcs[: row + 1], speed, turning, rest, (plan.v, plan.omega))
@@ -275,7 +268,7 @@ def braking_place(time: float, steps: float, dt: float) -> float:
 
 
 @compiled
-def braking_share(time: float, steps: float, dt: float) -> float:
+def braking_factor(time: float, steps: float, dt: float) -> float:
     """Return the share of the twist at a time after its arc began."""
     if steps == math.inf:
         return 1.0
@@ -298,12 +291,13 @@ def _fill_places_fits(
     plan: Plan,
     twist: Pair,
     times: Vector,
-    arcs: Annotated[MatrixWritten, Sizes(1, ARC)],
+    memory: VectorWritten,
     places: Annotated[MatrixWritten, Sizes(0, 2)],
 ) -> bool:
     """Return whether the memory fits: rows for all arcs and places."""
     fits = places.shape[0] >= times.shape[0]
-    all_fit: bool = fits and arcs.shape[0] >= most_arcs(setup.settings)
+    arcs = memory.shape[0] >= most_arcs(setup.settings) * ARC_SIZE
+    all_fit: bool = fits and arcs
     return all_fit
 
 
@@ -314,7 +308,7 @@ def fill_places(
     plan: Plan,
     twist: Pair,
     times: Vector,
-    arcs: Annotated[MatrixWritten, Sizes(1, ARC)],
+    memory: VectorWritten,
     places: Annotated[MatrixWritten, Sizes(0, 2)],
 ) -> float:
     """Fill in the positions of a robot at times (n,); return when it stands, s.
@@ -326,11 +320,11 @@ def fill_places(
         plan: Rest of the plan after that step.
         twist: v (m/s), ω (rad/s).
         times: From now on, s.
-        arcs: (:func:`most_arcs`, :data:`ARC`), memory.
+        memory: Of :func:`most_arcs` arcs of :data:`ARC_SIZE` numbers.
         places: (n, 2) x, y, m.
     """
     (edges, robot, settings), dt = setup, setup.settings[0].dt
-    none, still = arcs[:0], (0.0, 0.0)
+    none, arcs, still = memory[:0].view(BODY), memory.view(ARC), (0.0, 0.0)
     # fmt: off
     scene = Scene(edges, robot, settings, none, twist, still, arcs, none, dt, 0.0,
                   math.inf)
@@ -340,7 +334,7 @@ def fill_places(
     rollout = roll_out(scene, whole, twist, dt, 1)
     for k in range(times.shape[0]):
         row = arc_index(rollout.arcs, 0, times[k])
-        at = frame_at(arc_at(rollout.arcs, row), times[k], dt)
+        at = frame_at(rollout.arcs[row], times[k], dt)
         places[k, 0], places[k, 1] = at.x, at.y
     return rollout.rest
 
@@ -350,30 +344,62 @@ def places_of(setup: Setup, plan: Plan, twist: Pair, tick: float) -> Array:
 
     Arguments as in :func:`fill_places`.
     """
-    arcs, given = np.empty((most_arcs(setup.settings), ARC)), (setup, plan, twist)
-    rest = fill_places(*given, np.empty(0), arcs, np.empty((0, 2)))
+    memory, given = np.empty(most_arcs(setup.settings) * ARC_SIZE), (setup, plan, twist)
+    rest = fill_places(*given, np.empty(0), memory, np.empty((0, 2)))
     times = np.append(np.arange(0.0, rest, tick), rest)
     places = np.empty((len(times), 2))
-    fill_places(*given, times, arcs, places)
+    fill_places(*given, times, memory, places)
     return places
 
 
-PAST_V, PAST_OMEGA, PLAN_V, PLAN_OMEGA, SWITCH, THEN_V, THEN_OMEGA, END = range(8)
+class Kept(NamedTuple):
+    """State of a filter between control steps, besides the pending twists.
 
-UNTIL, TARGET_MODE, DUE, GROUP, SHARE, PENDING = range(8, 14)
+    Attributes:
+        v: m/s, driven last.
+        omega: rad/s, driven last.
+        plan_v: Its plan, see :class:`Plan`, m/s.
+        plan_omega: rad/s.
+        switch: s.
+        v_then: m/s.
+        omega_then: rad/s.
+        end: s.
+        until: Time up to which its margins of moving bodies were checked, s.
+        mode: Of the choice, see :data:`AS_COMMANDED`.
+        due: Control steps until the next review.
+        group: Next group of starts.
+        third: Third of the plans that is searched next; 0: all.
+    """
 
+    v: float
+    omega: float
+    plan_v: float
+    plan_omega: float
+    switch: float
+    v_then: float
+    omega_then: float
+    end: float
+    until: float
+    mode: int
+    due: int
+    group: int
+    third: int
+
+
+KEPT = layout(Kept)
+PENDING = KEPT.itemsize // 8
 STATE_SIZE = PENDING + 2 * (MOST_PENDING + 1)
-"""Columns and size of the state: twist driven last; its plan, and the time up to which
-that is clear of moving bodies (s); its mode; steps until the next review, next group of
-starts, next share of the plans; the last twists, newest first: those that may be
-pending, and the one before, from which the oldest ramps."""
+"""Layout of the state, and its numbers of memory. From :data:`PENDING` on the last
+twists, newest first: those that may be pending, and the one before, from which the
+oldest ramps."""
 
 FilterState: TypeAlias = Annotated[Vector, Sizes(STATE_SIZE)]
 FilterStateWritten: TypeAlias = Annotated[VectorWritten, Sizes(STATE_SIZE)]
 
-FREE, ROUND, NEW_PLAN, CARRIED, STUCK = 0.0, 1.0, 2.0, 3.0, 4.0
-"""Modes: the desired twist, another constant one, a new plan, the rest of the last one,
-no plan that is clear of static bodies but braking."""
+AS_COMMANDED, PROPOSED, SEARCHED, CARRIED, BRAKED = 0, 1, 2, 3, 4
+"""Modes, how a plan was found: the command; a QP's proposal; the best one of a search
+of plans of two twists; the rest of the last plan; braking, the best one of the
+fallback."""
 
 
 def fresh_state() -> Array:
@@ -385,14 +411,13 @@ def fresh_state() -> Array:
 @compiled_once
 def kept_plan(state: FilterState) -> Plan:
     """Return the rest of the plan of the twist driven last."""
-    return Plan(
-        state[PLAN_V],
-        state[PLAN_OMEGA],
-        state[SWITCH],
-        state[THEN_V],
-        state[THEN_OMEGA],
-        state[END],
-    )
+    return plan_of(state[:PENDING].view(KEPT)[0])
+
+
+@compiled
+def plan_of(k: Kept) -> Plan:
+    """Return the rest of the last plan."""
+    return Plan(k.plan_v, k.plan_omega, k.switch, k.v_then, k.omega_then, k.end)
 
 
 @compiled_once
@@ -406,11 +431,12 @@ def keep_plan(state: Array, twist: Pair, plan: Plan, until: float, dt: float) ->
         until: Time up to which the plan is clear of moving bodies, s.
         dt: Control step, s.
     """
-    state[PAST_V], state[PAST_OMEGA] = twist
-    state[PLAN_V], state[PLAN_OMEGA] = plan.v, plan.omega
-    state[SWITCH], state[END] = max(plan.switch - dt, 0.0), max(plan.end - dt, 0.0)
-    state[THEN_V], state[THEN_OMEGA] = plan.v_then, plan.omega_then
-    state[UNTIL] = max(until - dt, 0.0)
+    kept = state[:PENDING].view(KEPT)[0]
+    kept.v, kept.omega = twist
+    kept.plan_v, kept.plan_omega = plan.v, plan.omega
+    kept.switch, kept.end = max(plan.switch - dt, 0.0), max(plan.end - dt, 0.0)
+    kept.v_then, kept.omega_then = plan.v_then, plan.omega_then
+    kept.until = max(until - dt, 0.0)
     # Newest first: the others move back by one, and the oldest is dropped.
     for i in range(STATE_SIZE - 1, PENDING + 1, -1):
         state[i] = state[i - 2]
@@ -421,7 +447,7 @@ def keep_plan(state: Array, twist: Pair, plan: Plan, until: float, dt: float) ->
 @compiled
 def set_driven(state: FilterStateWritten, v: float, omega: float) -> None:
     """Set the twist driven up to now to (v, ω)."""
-    state[PAST_V], state[PAST_OMEGA] = v, omega
+    state[0], state[1] = v, omega
     for i in range(MOST_PENDING + 1):
         state[PENDING + 2 * i], state[PENDING + 2 * i + 1] = v, omega
 
@@ -452,7 +478,7 @@ def frame_of_effect(
 
 
 @compiled_once
-def pending_pace(settings: npt.NDArray[np.void], state: Array) -> Pair:
+def pending_sums(settings: npt.NDArray[np.void], state: Array) -> Pair:
     """Return the sums of |v|, m/s, and of |ω|, rad/s, over the pending steps."""
     s, v, omega = settings[0], 0.0, 0.0
     for i in range(math.ceil(s.delay / s.dt - RELATIVE_ROUNDING)):

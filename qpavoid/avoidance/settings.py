@@ -17,7 +17,7 @@ from qpavoid.settings import (
     check,
     want,
 )
-from qpavoid.types import Record
+from qpavoid.types import Record, record_type
 
 Activation: TypeAlias = Literal["step", "linear", "smooth"]
 Bound: TypeAlias = Literal["barrier", "repulsion"]
@@ -330,12 +330,10 @@ PARTS: dict[str, type[Any]] = {
 """Nested settings by name, each a table of scenario files and of the ROS 2 node's
 parameters."""
 
-RECORD = np.dtype(
-    [
-        (name, np.float64 if isinstance(value, float) else np.int64)
-        for name, value in AvoidanceSettings().values().items()
-        if isinstance(value, float | int)
-    ]
+RECORD = record_type(
+    (name, np.float64 if isinstance(value, float) else np.int64)
+    for name, value in AvoidanceSettings().values().items()
+    if isinstance(value, float | int)
 )
 """All settings as one record, for compiled functions."""
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.bodies import (
     BODY,
+    BODY_SIZE,
     FEW,
     Request,
     Scene,
@@ -24,10 +25,10 @@ from qpavoid.avoidance.bodies import (
 from qpavoid.avoidance.cbf_rows import (
     BARRIER,
     constraint_rows,
-    may_be_here,
+    is_too_old,
+    required_distance,
     row_reach,
     turn_to_walls,
-    wanted_distance,
 )
 from qpavoid.avoidance.decision import (
     BRAKING,
@@ -41,44 +42,45 @@ from qpavoid.avoidance.decision import (
 )
 from qpavoid.avoidance.plan import (
     ARC,
-    END,
-    NEW_PLAN,
-    PAST_OMEGA,
-    PAST_V,
-    ROUND,
-    SHARE,
-    STUCK,
-    TARGET_MODE,
+    ARC_SIZE,
+    BRAKED,
+    KEPT,
+    PENDING,
+    PROPOSED,
+    SEARCHED,
     FilterStateWritten,
     Plan,
     frame_of_effect,
     hold,
     keep_plan,
     most_arcs,
-    pending_pace,
+    pending_sums,
 )
 from qpavoid.avoidance.proposals import (
+    FRAME,
+    FRAME_SIZE,
+    PREDICTED,
+    PREDICTED_SIZE,
     SEPARATION,
-    SIDE,
     Problem,
     Query,
     Tables,
-    lacking,
-    most_sides,
+    most_predicted,
     qp_of,
+    row_violation,
     snapped,
     solution,
 )
-from qpavoid.avoidance.selection import SHARES, Choice, fallback, select, select_now
+from qpavoid.avoidance.selection import THIRDS, Choice, fallback, select, select_now
 from qpavoid.avoidance.settings import MOST_PENDING, FilterSettings
 from qpavoid.avoidance.verdict import first_twist, verdict
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.model.capsules import CAPSULE_WIDTH, in_robot_frame, join_walls
 from qpavoid.model.contacts import (
-    CONTACT_WIDTH,
+    CONTACT,
+    CONTACT_SIZE,
     contact_table,
     most_contacts,
-    nearest_distance,
 )
 from qpavoid.model.robot import (
     GREATEST,
@@ -107,6 +109,7 @@ from qpavoid.types import (
     LimitVector,
     Pair,
     Points,
+    Table,
     VectorWritten,
 )
 
@@ -115,7 +118,7 @@ class Workspace(NamedTuple):
     """Memory of a control step, as views of one array.
 
     Attributes:
-        contacts: (n, :data:`CONTACT_WIDTH`) of all obstacles.
+        contacts: Memory of the contacts of all obstacles.
         rows: Of the QP.
         bodies: In reach.
         groups: Of bodies.
@@ -128,9 +131,9 @@ class Workspace(NamedTuple):
 
     contacts: Array
     rows: Array
-    bodies: Array
-    groups: Array
-    arcs: Array
+    bodies: Table
+    groups: Table
+    arcs: Table
     tables: Tables
     points: Array
     capsules: Array
@@ -146,7 +149,7 @@ MOST_TICKS = 1e6
 
 @entry
 @compiled_once
-def is_counted(edges: Edges, robot: LimitVector, settings: FilterSettings) -> bool:
+def has_valid_sizes(edges: Edges, robot: LimitVector, settings: FilterSettings) -> bool:
     """Return whether the settings give a valid layout of the memory."""
     s = settings[0]
     ticks = 0.0 < s.tick and s.horizon <= MOST_TICKS * s.tick
@@ -168,39 +171,40 @@ def look_ticks(settings: FilterSettings) -> int:
 @compiled_once
 def memory_size(contacts: int, settings: FilterSettings) -> int:
     """Return the numbers of memory that a step with so many contacts needs."""
-    # The sizes of `carve`: 8 rows more for the four of the wheels and the four limits
-    # of the solver. A float: an int of C could overflow.
-    sides, many = most_sides(look_ticks(settings)), float(contacts)
-    rows = many + sides + 8
-    tables = (many + contacts // FEW) * BODY
-    tables += most_arcs(settings) * ARC + sides * SIDE
-    tables += 4 * (look_ticks(settings) + 1)
-    each = CONTACT_WIDTH + 2 + CAPSULE_WIDTH
+    # The sizes of `workspace_in`: 8 rows more for the four of the wheels and the four
+    # limits of the solver. A float: an int of C could overflow.
+    predicted, many = most_predicted(look_ticks(settings)), float(contacts)
+    rows = many + predicted + 8
+    tables = (many + contacts // FEW) * BODY_SIZE
+    tables += most_arcs(settings) * ARC_SIZE + predicted * PREDICTED_SIZE
+    tables += (look_ticks(settings) + 1) * FRAME_SIZE
+    each = CONTACT_SIZE + 2 + CAPSULE_WIDTH
     return int(many * each + rows * ROW_WIDTH + tables + PROBLEM_SIZE)
 
 
 @compiled_once
-def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Workspace:
+def workspace_in(
+    memory: Array, contacts: int, settings: npt.NDArray[np.void]
+) -> Workspace:
     """Return the memory as the tables of a step."""
-    sides, arcs = most_sides(look_ticks(settings)), most_arcs(settings)
-    a = contacts * CONTACT_WIDTH
-    b = a + (contacts + sides + 8) * ROW_WIDTH
-    d = b + contacts * BODY
-    e = d + contacts // FEW * BODY
-    f = e + arcs * ARC
-    g = f + sides * SIDE
+    predicted, arcs = most_predicted(look_ticks(settings)), most_arcs(settings)
+    a = contacts * CONTACT_SIZE
+    b = a + (contacts + predicted + 8) * ROW_WIDTH
+    d = b + contacts * BODY_SIZE
+    e = d + contacts // FEW * BODY_SIZE
+    f = e + arcs * ARC_SIZE
+    g = f + predicted * PREDICTED_SIZE
     h = g + 2 * contacts
     i = h + CAPSULE_WIDTH * contacts
-    ticks = look_ticks(settings) + 1
-    frames = memory[i : i + 4 * ticks].reshape(ticks, 4)
-    end = i + 4 * ticks
+    end = i + (look_ticks(settings) + 1) * FRAME_SIZE
+    tables = Tables(memory[f:g].view(PREDICTED), memory[i:end].view(FRAME))
     return Workspace(
-        memory[:a].reshape(contacts, CONTACT_WIDTH),
-        memory[a:b].reshape(contacts + sides + 8, ROW_WIDTH),
-        memory[b:d].reshape(contacts, BODY),
-        memory[d:e].reshape(contacts // FEW, BODY),
-        memory[e:f].reshape(arcs, ARC),
-        Tables(memory[f:g].reshape(sides, SIDE), frames),
+        memory[:a],
+        memory[a:b].reshape(contacts + predicted + 8, ROW_WIDTH),
+        memory[b:d].view(BODY),
+        memory[d:e].view(BODY),
+        memory[e:f].view(ARC),
+        tables,
         memory[g:h].reshape(contacts, 2),
         memory[h:i].reshape(contacts, CAPSULE_WIDTH),
         memory[end : end + PROBLEM_SIZE],
@@ -213,7 +217,7 @@ def new_scene(
 ) -> Scene:
     """Return the scene of a control step with so many bodies."""
     (edges, robot, settings), s = setup, setup.settings[0]
-    last, pending = (state[PAST_V], state[PAST_OMEGA]), pending_pace(settings, state)
+    last, pending = (state[0], state[1]), pending_sums(settings, state)
     longest = s.dt * (1.0 + s.jitter)
     # fmt: off
     return Scene(edges, robot, settings, space.bodies[:count], last, pending,
@@ -222,7 +226,7 @@ def new_scene(
 
 
 @compiled_once
-def seen_then(
+def obstacles_at_effect(
     setup: Setup, obstacles: Arrays, state: Array, space: Workspace
 ) -> Arrays:
     """Return the obstacles in the robot frame when the next twist takes effect."""
@@ -255,7 +259,7 @@ class Outcome(NamedTuple):
         clearance: Of the nearest obstacle, m.
         slack: Relaxation of the rows, m/s.
         residual: Of the certificate.
-        shortfall: Predicted violation of r_min of moving obstacles, m.
+        shortfall: Predicted violation of the required distance, m.
         first: Obstacle of an active constraint, or −1.
         second: Another one, or −1.
     """
@@ -277,7 +281,7 @@ def no_outcome(code: int) -> Outcome:
     return Outcome(code, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, -1, -1)
 
 
-@entry_if(is_counted)
+@entry_if(has_valid_sizes)
 @compiled_once
 def filter_outcome(
     setup: Setup,
@@ -294,8 +298,8 @@ def filter_outcome(
     Args:
         setup: Footprint, limits and settings.
         request: Obstacles and command.
-        answer: Of a back end to the QP that a step without it leaves in memory; NaN: it
-            failed.
+        answer: Twist of a back end: the solution of the QP that a call with
+            :data:`NO_ANSWER`, on a copy of the state, left in memory; NaN: it failed.
         state: Updated.
         memory: Overwritten.
     """
@@ -303,45 +307,46 @@ def filter_outcome(
     most = most_contacts(edges, request.obstacles)
     if memory.shape[0] < memory_size(most, settings):
         return no_outcome(WORKSPACE_TOO_SMALL)
-    space, (v, omega) = carve(memory, most, settings), request.desired
-    obstacles = seen_then(setup, request.obstacles, state, space)
+    space, (v, omega) = workspace_in(memory, most, settings), request.desired
+    obstacles = obstacles_at_effect(setup, request.obstacles, state, space)
     reach = row_reach(robot, settings, obstacles[1], request.age)
     radius = limits_of(robot).circumradius
     n, nearest = contact_table(edges, radius, obstacles, reach, space.contacts)
     if nearest == -2 or not (math.isfinite(v) and math.isfinite(omega)):
         return no_outcome(INVALID)
-    clearance, contacts = nearest_distance(space.contacts, nearest), space.contacts[:n]
+    contacts = space.contacts.view(CONTACT)[:n]
+    clearance = contacts[nearest].distance if nearest >= 0 else math.inf
     barrier, age, count = s.bound == BARRIER, request.age, 0
     ahead = request.ahead and barrier
-    old = barrier and may_be_here(contacts, settings, age)
+    old = barrier and is_too_old(contacts, settings, age)
     scene = new_scene(setup, state, space, most, clearance)
     if barrier and not old:
         count = bodies_in_reach(scene, obstacles, age, s.horizon if ahead else 0.0)
     scene = new_scene(setup, state, space, count, clearance)
-    query = query_of(scene, request, space, contacts)
+    query = query_of(scene, request, space, contacts, ahead)
+    kept = state[:PENDING].view(KEPT)[0]
     if old:
         # No plan is searched, none retained.
-        state[END] = 0.0
-        choice = fallback(scene, query, state, -1)
+        kept.end = 0.0
+        choice = fallback(scene, query, kept, -1)
     elif ahead:
-        choice = select(scene, query, state)
+        choice = select(scene, query, kept)
     else:
-        choice = select_now(scene, query, state)
-    return driven(scene, query, choice, answer, space, state)
+        choice = select_now(scene, query, kept)
+    return finished(scene, query, choice, answer, space, state)
 
 
 @compiled_once
 def query_of(
-    scene: Scene, request: Request, space: Workspace, contacts: Array
+    scene: Scene, request: Request, space: Workspace, contacts: Table, ahead: bool
 ) -> Query:
-    """Return the problem of a step, with the rows of the present."""
+    """Write the rows of the present; return the problem of a step."""
     s, robot, last, age = scene.settings[0], scene.robot, scene.last, request.age
-    ahead = request.ahead and s.bound == BARRIER
-    wish = clipped(request.desired, Box(-GREATEST, GREATEST, -GREATEST, GREATEST))
+    command = clipped(request.desired, Box(-GREATEST, GREATEST, -GREATEST, GREATEST))
     box, rows = twist_box(robot, last[0], last[1], s.dt), space.rows
     if ahead:
         box = look_box(robot)
-        _, near = wanted_distance(scene.settings, 0.0, age)
+        _, near = required_distance(scene.settings, 0.0, age)
         if scene.clearance < near:
             turn_to_walls(scene.edges, contacts, near)
     m = constraint_rows(contacts, robot, scene.settings, box, age, ahead, rows)
@@ -349,12 +354,12 @@ def query_of(
         for column in range(A_V, B + 1):
             rows[i, column] *= SEPARATION
     many, slack = max(1, round(s.tick / s.dt)), s.slack_tolerance
-    desired = clipped(wish, box) if ahead else wish
-    return Query(box, wish, desired, many, space.tables, rows, m, slack, ahead)
+    desired = clipped(command, box) if ahead else command
+    return Query(box, command, desired, many, space.tables, rows, m, slack, ahead)
 
 
 @compiled_once
-def driven(
+def finished(
     scene: Scene,
     query: Query,
     choice: Choice,
@@ -362,8 +367,12 @@ def driven(
     space: Workspace,
     state: Array,
 ) -> Outcome:
-    """Retain the plan of a choice; return the outcome, and leave its QP in memory."""
+    """Certify the QP of a choice and retain its plan; return the outcome.
+
+    The QP is left in memory. If it fails, the fallback is driven.
+    """
     s, proposed = scene.settings[0], choice.proposal.cost < math.inf
+    kept = state[:PENDING].view(KEPT)[0]
     answered = not (math.isinf(answer[0]) or math.isinf(answer[1]))
     # Without a proposal: the projection of the driven twist onto the limits.
     goal = first_twist(scene, choice.plan)
@@ -375,25 +384,25 @@ def driven(
     twist = answer if answered else (found.v, found.omega)
     relaxed = relaxation(found.slack, query.slack_tolerance)
     residual = max(*certificate(rows, qp.terms, relaxed, twist))
-    first, second = holders(rows[: qp.m], found, choice.owner)
+    first, second = active_obstacles(rows[: qp.m], found, choice.owner)
     failed = not (found.found and residual <= RESIDUAL_TOLERANCE)
     if failed:
-        choice, first, second = fallback(scene, query, state, -1), -1, -1
+        choice, first, second = fallback(scene, query, kept, -1), -1, -1
     elif answered and proposed:
         choice = answered_by(scene, query, choice, twist)
     twist, slack = first_twist(scene, choice.plan), 0.0
     if proposed and not failed:
-        slack = lacking(query, twist) if query.ahead else found.slack
+        slack = row_violation(query, twist) if query.ahead else found.slack
     level, least = threshold(scene), choice.margins
     code = STOPPED if failed else code_of(scene, query, choice, twist, slack)
     margin = least.moving
     if least.static < level:
         margin = min(margin, least.static)
-    state[TARGET_MODE] = choice.mode
-    if choice.mode == ROUND:
-        state[SHARE] = 0.0
-    elif choice.mode == NEW_PLAN or choice.mode == STUCK:
-        state[SHARE] = state[SHARE] % SHARES + 1.0
+    kept.mode = choice.mode
+    if choice.mode == PROPOSED:
+        kept.third = 0
+    elif choice.mode == SEARCHED or choice.mode == BRAKED:
+        kept.third = kept.third % THIRDS + 1
     keep_plan(state, twist, choice.plan, choice.until, s.dt)
     shortfall = -margin if margin < level else 0.0
     # fmt: off
@@ -425,7 +434,7 @@ def code_of(
             return RELAXED
         return TRACKING if twist == query.command else FILTERED
     rests = twist == (0.0, 0.0)
-    if choice.mode == STUCK:
+    if choice.mode == BRAKED:
         return HOLDING if rests else BRAKING
     if least.moving < level or least.static < level:
         return RELAXED
@@ -440,7 +449,7 @@ def is_rest(plan: Plan) -> bool:
 
 
 @compiled_once
-def holders(rows: Array, found: Optimum, owner: int) -> tuple[int, int]:
+def active_obstacles(rows: Array, found: Optimum, owner: int) -> tuple[int, int]:
     """Return the obstacles of the active rows, else of the command; −1: none."""
     m, one, other = rows.shape[0], found.first, found.second
     first = int(rows[one, ROW_OWNER]) if 0 <= one < m else -1
@@ -460,7 +469,7 @@ def set_problem(memory: Array, qp: Problem) -> None:
     memory[6], memory[7] = terms.desired
 
 
-@entry_if(is_counted)
+@entry_if(has_valid_sizes)
 @compiled_once
 def filter_step(
     edges: Edges,

@@ -51,13 +51,14 @@ class FunctionBody:
         """Knowledge of the variables, constant at the fixed point."""
         return dict(self.kinds), self.result, self.uses
 
-    def text(self, name: str) -> str:
+    def text(self, name: str, inline: bool) -> str:
         """Return the definition, without parameters and variables never read."""
         kinds, given = self.kinds, self.parameters
         taken = [self.parameter(n) for n in given if n in self.reads]
-        head = f"static {self.result} {name}({', '.join(taken) or 'void'})"
+        kind = f"static {'inline ' * inline}{self.result}"
+        head = f"{kind} {name}({', '.join(taken) or 'void'})"
         top = [
-            f"    {kinds[n]} {c_name(n)} = {'0' if kinds[n] in NUMBERS else '{0}'};"
+            f"    {declaration(kinds[n], n)} = {'0' if kinds[n] in NUMBERS else '{0}'};"
             for n in self.reads - self.inline - set(given)
         ]
         lines = "\n".join(self.lines)
@@ -70,7 +71,7 @@ class FunctionBody:
         kind = self.kinds[name]
         if name in self.pointers:
             kind = f"const {kind} *restrict"
-        return f"{kind} {c_name(name)}"
+        return declaration(kind, name)
 
     def emit(self, line: str, reads: str | None = None) -> None:
         """Add a line; the variables in it, or in ``reads``, count as read."""
@@ -104,11 +105,18 @@ class FunctionBody:
 
     def store(self, name: str, text: str) -> None:
         """Assign to a variable; declare it here if possible."""
-        declared = ""
+        target = c_name(name)
         if name in self.inline and name not in self.uses:
-            declared = f"{'const ' if name in self.once else ''}{self.kinds[name]} "
-        self.emit(f"{declared}{c_name(name)} = {text};", text)
+            target = declaration(self.kinds[name], name)
+            if name in self.once and "*" not in target:
+                target = f"const {target}"
+        self.emit(f"{target} = {text};", text)
         self.uses.setdefault(name, []).append((self.path, True))
+
+
+def declaration(kind: str, name: str) -> str:
+    """Return the declaration of a variable in C."""
+    return f"{kind}{'' if kind.endswith('*') else ' '}{c_name(name)}"
 
 
 def address(kind: str, text: str) -> str:

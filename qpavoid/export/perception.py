@@ -17,7 +17,7 @@ from qpavoid.perception.perception import (
     Device,
     Perception,
 )
-from qpavoid.perception.scan import BEAM_COS, BEAM_SIN, BEAM_WIDTH, SCAN_WIDTH
+from qpavoid.perception.scan import BEAM_COS, BEAM_SIN, BEAM_WIDTH, RAY_SIZE
 from qpavoid.perception.settings import Lidar, PerceptionSettings
 from qpavoid.perception.tracks import MOST_TRACKS
 from qpavoid.perception.update import Found, Memory, Scan, obstacles_at, perceive
@@ -41,7 +41,7 @@ def perception_texts(
     """
     known, device = Perception(robot, lidar, settings), Device(lidar, beams)
     kept = {name: table.shape for name, table in known.memory._asdict().items()}
-    kept |= {"rows": (beams, SCAN_WIDTH), "counts": (2,)}
+    kept |= {"rows": (beams * RAY_SIZE,), "counts": (2,)}
     made = {
         "points": (beams + SIDE * SIDE, 2),
         "capsules": (MOST_TRACKS, CAPSULE_WIDTH),
@@ -104,7 +104,7 @@ def geometry(lidar: Lidar, device: Device) -> dict[str, Any]:
     }
     table = ",\n".join(wrapped(braced(row), 1) for row in device.beams)
     numbers = {name: c_number(number) for name, number in known.items()}
-    return {**numbers, "beam_width": BEAM_WIDTH, "table": table}
+    return {**numbers, "beam_width": BEAM_WIDTH, "ray": RAY_SIZE, "table": table}
 
 
 def stored(name: str, shape: tuple[int, ...]) -> Value:

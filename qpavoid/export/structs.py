@@ -10,6 +10,7 @@ from qpavoid.export.values import (
     ANNOTATED,
     ARRAYS,
     ATOM,
+    KINDS,
     MEMBERS,
     NUMBERS,
     RESERVED,
@@ -58,11 +59,22 @@ class Structs(dict[str, Struct]):
     Attributes:
         names: All identifiers of file scope in use.
         records: Types of arrays of one record that are known only at run time.
+        tables: Structs of the rows of tables, by the type of the table.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self.names, self.records = set(RESERVED), dict[str, Record]()
+        self.tables = dict[str, str]()
+
+    def table(self, of: type) -> str:
+        """Return the type of a table whose rows are named tuples of numbers."""
+        hints = of.__annotations__.values()
+        struct = self.struct(of, [Value(KINDS[hint], "") for hint in hints])
+        kind = f"{struct}_table"
+        self.names.add(kind)
+        self.tables[kind] = struct
+        return kind
 
     def record(self, record: Record, text: str) -> Value:
         """Return the value of a pointer to a record."""
@@ -81,16 +93,31 @@ class Structs(dict[str, Struct]):
             return Value("double", text)
         return Value("int", f"(int){text}", UNARY)
 
+    def pointed(self, value: Value) -> Value:
+        """Return a row of a table that a pointer points to; any other value itself."""
+        kind = value.kind.removesuffix(" *")
+        if kind == value.kind:
+            return value
+        if value.text.startswith("&"):
+            return Value(kind, value.text[1:])
+        return Value(kind, f"(*{value.text})")
+
     def size(self, kind: str) -> int:
         """Return the greatest size of a value in bytes; 0 for a number."""
         if kind in self:
             return sum(max(self.size(part.kind), 8) for part in self[kind].parts)
-        return 16 if kind in ARRAYS else 0
+        return 16 if kind in (*ARRAYS, *self.tables) else 0
 
     def texts(self) -> dict[str, str]:
         """Return all definitions by name."""
         records = {name: record_text(one) for name, one in self.records.items()}
-        return records | {name: one.text(name) for name, one in self.items()}
+        tables = {
+            name: f"typedef struct {{ {of} *at; int rows; }} {name};"
+            for name, of in self.tables.items()
+        }
+        structs = {name: one.text(name) for name, one in self.items()}
+        rows = {name: structs.pop(name) for name in self.tables.values()}
+        return records | rows | tables | structs
 
     def free(self, name: str) -> str:
         """Return a new identifier, numbered if the name is in use."""
@@ -147,8 +174,11 @@ class Structs(dict[str, Struct]):
         if value.parts:
             return value.parts
         require(value.kind in self, "only a tuple has parts")
+        owner = f"{value.text}."
+        if value.text.startswith("(*"):
+            owner = f"{value.text[2:-1]}->"
         return [
-            Value(part.kind, f"{value.text}.{part.text}") if part.kind else part
+            Value(part.kind, f"{owner}{part.text}") if part.kind else part
             for part in self[value.kind].parts
         ]
 

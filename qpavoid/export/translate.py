@@ -18,10 +18,12 @@ from qpavoid.export.values import (
     ANNOTATED,
     ARRAYS,
     ATOM,
+    MULTIPLY,
     NUMBERS,
     OR,
     PRELUDE,
     TERNARY,
+    UNARY,
     TranslationError,
     Unsupported,
     Value,
@@ -37,6 +39,7 @@ from qpavoid.export.values import (
     require,
     unary,
 )
+from qpavoid.types import LAYOUTS
 
 MOST_COPIED = 16
 """Bytes; greatest size of a struct passed by value, in two registers."""
@@ -193,6 +196,7 @@ class Function(ast.NodeVisitor):
 
     def visit_Attribute(self, node: ast.Attribute) -> Value:
         owner, name = self.visit(node.value), node.attr
+        owner = self.structs.pointed(owner)
         fields = self.structs.fields(owner)
         if name in fields:
             return self.structs.parts(owner)[fields.index(name)]
@@ -204,10 +208,10 @@ class Function(ast.NodeVisitor):
         module = inspect.ismodule(owner.known) and hasattr(owner.known, name)
         if module or (name == "shape" and isinstance(owner.known, np.ndarray)):
             return self.python(getattr(owner.known, name))
-        shape = name == "shape" and owner.kind in ARRAYS
+        shape = name == "shape" and owner.kind in (*ARRAYS, *self.structs.tables)
         require(shape, "only records and the settings have fields")
         text = self.simple(owner).text
-        sizes = ("rows", "columns")[: ARRAYS.index(owner.kind) + 1]
+        sizes = ("rows", "columns")[: 2 if owner.kind == "matrix" else 1]
         return self.structs.packed([Value("int", f"{text}.{size}") for size in sizes])
 
     def visit_Subscript(self, node: ast.Subscript) -> Value:
@@ -218,6 +222,8 @@ class Function(ast.NodeVisitor):
             return base
         if isinstance(base.known, np.ndarray):
             return constant_element(base, [self.number(one) for one in where])
+        if base.kind in self.structs.tables:
+            return self.table_row(self.simple(base), node.slice)
         if base.kind not in ARRAYS:
             place = self.number(node.slice)
             if place.decided:
@@ -241,18 +247,39 @@ class Function(ast.NodeVisitor):
         begin = "" if i.text == "0" else f"{i.at(ATOM)} * {array}.columns + "
         return Value("double", f"{array}.at[{begin}{j.text}]")
 
+    def table_row(self, table: Value, where: ast.expr) -> Value:
+        """Return a row of a table of records, or successive ones."""
+        i = self.index(where, f"{table.text}.rows")
+        if i.kind != "slice":
+            kind = f"{self.structs.tables[table.kind]} *"
+            return Value(kind, f"&{table.text}.at[{i.text}]", UNARY)
+        begin, end = i.parts
+        text = f"({table.kind}){{{table.text}.at + {begin.at(ADD)}, {end.at(ADD)}"
+        return Value(table.kind, f"{text} - {begin.at(MULTIPLY)}}}")
+
+    def viewed(self, base: Value, layout: Value) -> Value:
+        """Return memory as a table of records."""
+        fits = base.kind == "vector" and layout.known in LAYOUTS
+        require(fits, "only a vector is viewed, as records")
+        kind = self.structs.table(LAYOUTS[layout.known])
+        base, of = self.simple(base), self.structs.tables[kind]
+        rows = f"{base.text}.rows / (int)(sizeof({of}) / sizeof(double))"
+        return Value(kind, f"({kind}){{({of} *){base.text}.at, {rows}}}")
+
     def index(self, node: ast.expr, size: str) -> Value:
         """Return an integer, from the end if known to be negative, or a slice.
 
         The text of a slice is both its bounds, as arguments in C.
         """
         if isinstance(node, ast.Slice) and node.step is None:
-            begin = self.index(node.lower, size).text if node.lower else "0"
-            end = self.index(node.upper, size).text if node.upper else size
-            return Value("slice", f"{begin}, {end}")
+            begin = self.index(node.lower, size) if node.lower else constant(0)
+            end = self.index(node.upper, size) if node.upper else Value("int", size)
+            text = f"{begin.text}, {end.text}"
+            return Value("slice", text, parts=(begin, end))
         value: Value = self.visit(node)
         if isinstance(value.known, slice):
-            return Value("slice", f"{value.known.start or 0}, {value.known.stop}")
+            ends = constant(value.known.start or 0), constant(value.known.stop)
+            return Value("slice", f"{ends[0].text}, {ends[1].text}", parts=ends)
         value = as_number(value)
         require(value.kind == "int", "an integer is needed here")
         if value.decided and value.known < 0:
@@ -283,12 +310,24 @@ class Function(ast.NodeVisitor):
             within = joined(equal, either=True)
             negated = isinstance(op, ast.NotIn)
             return unary(ast.Not(), within) if negated else within
-        if left.kind not in self.structs or not isinstance(op, ast.Eq | ast.NotEq):
+        if left.kind not in self.structs:
             return compared(as_number(left), op, as_number(right))
         pairs = list(zip_longest(self.parts(left), self.parts(right)))
         require(None not in chain(*pairs), "only tuples of one length are compared")
+        if isinstance(op, ast.Lt):
+            return self.less(pairs)
+        require(isinstance(op, ast.Eq | ast.NotEq), "a comparison outside the subset")
         equal = [self.compared(one, op, other) for one, other in pairs]
         return joined(equal, either=isinstance(op, ast.NotEq))
+
+    def less(self, pairs: Sequence[tuple[Value, Value]]) -> Value:
+        """Return whether a tuple of numbers comes before another one."""
+        (one, other), later = pairs[0], pairs[1:]
+        less = self.compared(one, ast.Lt(), other)
+        if not later:
+            return less
+        equal = self.compared(one, ast.Eq(), other)
+        return joined([less, joined([equal, self.less(later)], False)], True)
 
     def visit_BoolOp(self, node: ast.BoolOp) -> Value:
         either, parts = isinstance(node.op, ast.Or), [self.number(node.values[0])]
@@ -316,6 +355,8 @@ class Function(ast.NodeVisitor):
     def visit_Call(self, node: ast.Call) -> Value:
         if isinstance(node.func, ast.Attribute) and node.func.attr == "reshape":
             return self.reshaped(self.visit(node.func.value), self.values(node.args))
+        if isinstance(node.func, ast.Attribute) and node.func.attr == "view":
+            return self.viewed(self.visit(node.func.value), self.visit(node.args[0]))
         function = self.visit(node.func).known
         if hasattr(function, "py_func"):
             plain = function.py_func
@@ -325,7 +366,7 @@ class Function(ast.NodeVisitor):
             return self.structs.packed(parts, function, named=bool(node.keywords))
         require(not node.keywords, "arguments by keyword")
         values = self.values(node.args)
-        if function is len and values[0].kind in ARRAYS:
+        if function is len and values[0].kind in (*ARRAYS, *self.structs.tables):
             return Value("int", f"{self.simple(values[0]).text}.rows")
         if function is len:
             return constant(len(self.structs.fields(values[0]) or values[0].known))
@@ -386,10 +427,12 @@ class Function(ast.NodeVisitor):
         elif isinstance(target, ast.Tuple):
             self.unpack(target.elts, value)
         else:
-            place = self.visit(target)
+            place = self.structs.pointed(self.visit(target))
+            value = self.structs.pointed(value)
             element = ".at[" in place.text or "->" in place.text
-            numbers = element and value.kind in NUMBERS
-            require(numbers, "only numbers are stored, and only in arrays")
+            fits = value.kind in NUMBERS and place.kind in NUMBERS
+            fits = element and (fits or value.kind == place.kind)
+            require(fits, "only numbers and records are stored, and only in arrays")
             self.body.emit(f"{place.text} = {value.text};")
 
     def unpack(self, targets: Sequence[ast.expr], value: Value) -> None:
@@ -579,7 +622,8 @@ class Translation:
         """All functions, after the constants, types and helpers that they use."""
         used, functions = set(self.wanted), []
         for made in reversed(self.functions.values()):
-            text = made.body.text(made.name)
+            known = made.plain.__globals__.get(made.plain.__name__)
+            text = made.body.text(made.name, is_inlined(known))
             if made.name in used:
                 comment = made.plain.__module__, made.plain.__doc__
                 functions.append(commented(*comment, text))
@@ -594,6 +638,11 @@ class Translation:
         ]
         texts = [text for name, text in types.items() if name in used]
         return "\n\n".join(["\n".join(defines), *texts, *reversed(functions)])
+
+
+def is_inlined(function: Any) -> bool:
+    """Return whether calls from compiled functions are inlined."""
+    return bool(getattr(function, "options", {}).get("forceinline"))
 
 
 def annotated(hint: ast.expr | None) -> str:

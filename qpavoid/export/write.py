@@ -18,6 +18,7 @@ from qpavoid.export.perception import PERCEPTION_FILES, perception_texts
 from qpavoid.export.translate import Translation
 from qpavoid.export.values import TEMPLATES, Value, braced, c_number, constant, wrapped
 from qpavoid.model.capsules import CAPSULE_WIDTH, fill_capsules
+from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Robot, braking_twist, driven_twist
 from qpavoid.perception.settings import Lidar, PerceptionSettings
 
@@ -67,10 +68,11 @@ class Capacity:
         """Rows of the table of obstacles other than points."""
         return self.discs + self.walls + self.corners
 
-    def rows(self, edges: int) -> int:
-        """Return the greatest number of rows of the QP; ``edges``: of the footprint."""
-        most = self.points + self.discs + self.walls * (2 + edges)
-        return most + self.corners * (1 + edges)
+    def rows(self, footprint: Footprint) -> int:
+        """Return the greatest number of rows of the QP."""
+        edges, parts = len(footprint.edges), len(footprint.parts)
+        most = (self.points + self.discs) * parts + self.walls * (2 * parts + edges)
+        return most + self.corners * (parts + edges)
 
 
 def export_c(
@@ -103,7 +105,7 @@ def export_c(
     """
     texts = {
         "version": version("qpavoid"),
-        "robot": f"{robot.name}, a polygon of {len(robot.footprint.edges)} corners",
+        "robot": f"{robot.name}, of {len(robot.footprint.edges)} edges",
         "filter": "ahead" if ahead else "at the present only",
         "dt": c_number(settings.dt),
         "oldest": c_number(OLDEST),
@@ -133,7 +135,7 @@ def functions(
     """Return the functions as C, their calls, and the sizes of their arrays."""
     translation, record = Translation(), settings.record()
     call, packed = translation.call, translation.structs.packed
-    rows = capacity.rows(len(robot.footprint.edges))
+    rows = capacity.rows(robot.footprint)
     size, state = memory_size(rows, record), len(fresh_state())
     known = {
         "edges": robot.footprint.edges,

@@ -8,7 +8,7 @@ to the right is taken. If nothing moves, the side of a turn is retained for seco
 
 import math
 
-from qpavoid.avoidance.bodies import any_moves, body_at, moves
+from qpavoid.avoidance.bodies import any_moves, moves
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.guide.rollout import (
     FOLLOW,
@@ -184,7 +184,7 @@ def gentle_pace(course: Course) -> float:
     x, y, fastest = course.ahead[0, X], course.ahead[0, Y], 0.0
     for i in range(course.scene.bodies.shape[0]):
         if moves(course.scene, i):
-            fastest = max(fastest, body_at(course.scene, i).speed)
+            fastest = max(fastest, course.scene.bodies[i].speed)
     pace, limits = max(GENTLE * fastest, GENTLE_LEAST), limits_of(course.scene.robot)
     near = x * x + y * y < PARKED * PARKED and has_come(course)
     slow = 0.0 < fastest and pace < min(limits.v_max, TOP_TWIST)

@@ -19,6 +19,7 @@ from qpavoid.guide.settings import GuideSettings
 from qpavoid.guide.sight import Sight
 from qpavoid.guide.stage import GuideStage, Tracking, fresh_stage
 from qpavoid.guide.state import CLEAR, SEARCHING, STAGE_MODE, STILL, Progress
+from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import TINY, arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
@@ -207,6 +208,22 @@ class Guide:
         """Filter behind the guide, with its ``faults`` and ``acknowledge``."""
         return self._safety
 
+    @property
+    def footprint(self) -> Footprint:
+        """Footprint of the robot, of filter and perception too; may be set.
+
+        Between steps: see :attr:`qpavoid.SafetyFilter.footprint`. Path and progress are
+        kept.
+        """
+        return self.robot.footprint
+
+    @footprint.setter
+    def footprint(self, footprint: Footprint) -> None:
+        self._safety.footprint = footprint
+        self.robot = self._safety.robot
+        self._sight.fit(self.robot)
+        self._start_stage()
+
     def follow(self, path: Path | npt.ArrayLike, speed: float = 0.5) -> None:
         """Follow a path.
 
@@ -326,12 +343,18 @@ class Guide:
             self._state, self._mode, self._resigned = fresh_stage(), float(CLEAR), None
             self._rest.forget()
         v_min, v_max = max(limits.v_min, -speed), min(limits.v_max, speed)
-        robot = replace(self.robot, limits=replace(limits, v_min=v_min, v_max=v_max))
-        tracker = StationTracker(Gains(), StationKeeping(), robot.limits)
-        stage = GuideStage(robot, self._guide, self.settings, tracker.array)
+        limits = replace(limits, v_min=v_min, v_max=v_max)
+        tracker = StationTracker(Gains(), StationKeeping(), limits)
         self._path = PathTracking(tracker, Waiting(), self.settings.dt, self._guide)
         self._path.follow(plan, place)
-        self._stage, self._asked = stage.start(self._state), asked
+        self._asked, self._slowed, self._law = asked, limits, tracker.array
+        self._start_stage()
+
+    def _start_stage(self) -> None:
+        """Continue with the candidates of the present footprint and greatest speed."""
+        robot = replace(self.robot, limits=self._slowed)
+        stage = GuideStage(robot, self._guide, self.settings, self._law)
+        self._stage = stage.start(self._state)
 
     def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
         """Reset the state; the robot drives (v, ω), cut to its limits.

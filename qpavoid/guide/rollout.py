@@ -19,8 +19,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.bodies import Scene, body_at
-from qpavoid.avoidance.clearance import ends_at, line_contact
+from qpavoid.avoidance.bodies import Scene
+from qpavoid.avoidance.margin import ends_at, line_contact
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.guide.steering import (
     HEADING,
@@ -102,14 +102,14 @@ def room_at_pose(scene: Scene, at: Frame, time: float, enough: float) -> Pair:
     least, radius = enough, limits_of(scene.robot).circumradius
     surest = enough
     for i in range(scene.bodies.shape[0]):
-        body = body_at(scene, i)
+        body = scene.bodies[i]
         d_x, d_y = body.x + time * body.v_x - at.x, body.y + time * body.v_y - at.y
         spread = min(body.sigma * time, MOST_SPREAD)
         far = radius + body.spread + max(least, surest + spread)
         if far > 0.0 and d_x * d_x + d_y * d_y < far * far:
             contact = line_contact(scene.edges, body, ends_at(body, time, at))
-            least = min(least, contact.distance - body.keep)
-            surest = min(surest, contact.distance - body.keep - spread)
+            least = min(least, contact.distance - body.required)
+            surest = min(surest, contact.distance - body.required - spread)
     return least, surest
 
 

@@ -55,20 +55,17 @@ class Field(NamedTuple):
 
 
 def outline(footprint: Footprint, spacing: float = OUTLINE_SPACING) -> Array:
-    """Return points (n, 2) on the footprint's edge, and halfway in, robot frame, m."""
-    ring = []
-    for a_x, a_y, n_x, n_y, length in footprint.edges:
-        count = math.ceil(length / spacing)
-        along = length * np.arange(count)[:, None] / count
-        ring.append([a_x, a_y] + along * [-n_y, n_x])
-    edge = np.vstack(ring)
-    middle = footprint.vertices.mean(axis=0)
-    return np.vstack([edge, 0.5 * (edge[::5] + middle)])
-
-
-def inner_radius(footprint: Footprint) -> float:
-    """Return the least distance, m, of the footprint's edges from the axle's middle."""
-    return float((footprint.edges[:, :2] * footprint.edges[:, 2:4]).sum(axis=1).min())
+    """Return points (n, 2) on the edges of all parts and halfway in, robot frame, m."""
+    points = []
+    for edges in np.split(footprint.edges, footprint.starts[1:]):
+        ring = []
+        for a_x, a_y, n_x, n_y, length, _ in edges:
+            count = math.ceil(length / spacing)
+            along = length * np.arange(count)[:, None] / count
+            ring.append([a_x, a_y] + along * [-n_y, n_x])
+        edge, middle = np.vstack(ring), edges[:, :2].mean(axis=0)
+        points += [edge, 0.5 * (edge[::5] + middle)]
+    return np.vstack(points)
 
 
 @compiled

@@ -8,10 +8,9 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.settings import SafetyRadius
 from qpavoid.guide.geodesic import CELL
-from qpavoid.guide.room import inner_radius
 from qpavoid.model.robot import Robot
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, Range, check, want
-from qpavoid.types import Record
+from qpavoid.types import Record, record_type
 
 BACK_SPEED = 0.2
 """m/s; speed of backing out, cut to the robot's limit."""
@@ -84,20 +83,21 @@ class GuideSettings:
             "speed": min(self.speed, limits.v_max),
             "turn_rate": min(self.turn_rate, limits.omega_max, -limits.omega_min),
             "back_speed": min(BACK_SPEED, -limits.v_min),
-            "inner": inner_radius(robot.footprint),
+            "inner": robot.footprint.inner_radius,
         }
         drives = min(values["speed"], values["turn_rate"]) > 0.0
         want(drives, "a guide needs a robot that drives and turns")
         return np.array([tuple(values[n] for n in RECORD.names or ())], dtype=RECORD)
 
 
-RECORD = np.dtype(
-    [
-        *((item.name, np.float64) for item in fields(SafetyRadius)),
-        *((item.name, np.float64) for item in fields(GuideSettings)),
-        ("back_speed", np.float64),
-        ("inner", np.float64),
-    ]
+RECORD = record_type(
+    (name, np.float64)
+    for name in (
+        *(item.name for item in fields(SafetyRadius)),
+        *(item.name for item in fields(GuideSettings)),
+        "back_speed",
+        "inner",
+    )
 )
 """All settings for compiled functions, as one record."""
 

@@ -27,6 +27,12 @@ class Sight:
         self.robot, self.perception, self._dt = robot, perception, dt
         self.forget()
 
+    def fit(self, robot: Robot) -> None:
+        """Set the robot, that of the perception too."""
+        self.robot = robot
+        if self.perception is not None:
+            self.perception.fit(robot)
+
     def forget(self) -> None:
         """Expect scans only after the next one."""
         self._valid, self._blind = -math.inf, math.inf

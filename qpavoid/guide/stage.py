@@ -19,9 +19,17 @@ from typing import Annotated, NamedTuple, TypeAlias
 
 import numpy as np
 
-from qpavoid.avoidance.bodies import BODY, Scene, Setup, any_moves, bodies_in_reach
+from qpavoid.avoidance.bodies import (
+    BODY,
+    BODY_SIZE,
+    Scene,
+    Setup,
+    any_moves,
+    bodies_in_reach,
+)
+from qpavoid.avoidance.plan import ARC
 from qpavoid.avoidance.settings import AvoidanceSettings, radius_curve
-from qpavoid.avoidance.step import is_counted
+from qpavoid.avoidance.step import has_valid_sizes
 from qpavoid.compiled import compiled_once, entry, entry_if
 from qpavoid.guide.choice import (
     FASTEST,
@@ -76,7 +84,6 @@ from qpavoid.types import (
     Array,
     Arrays,
     Matrix,
-    MatrixWritten,
     Points,
     Pose,
     Sizes,
@@ -129,11 +136,11 @@ class StageMemory(NamedTuple):
     """Memory of a step.
 
     Attributes:
-        bodies: One row per contact.
+        bodies: :data:`BODY_SIZE` numbers per contact.
         search: :func:`qpavoid.guide.way.search_size` numbers.
     """
 
-    bodies: Annotated[MatrixWritten, Sizes(0, BODY)]
+    bodies: VectorWritten
     search: VectorWritten
 
 
@@ -154,26 +161,28 @@ class Stage(NamedTuple):
 
 
 @compiled_once
-def scene_of(stage: Stage, bodies: Array, tracking: Tracking) -> Scene:
-    """Return the scene of a step with some bodies, without memory for rollouts."""
-    (edges, robot, settings), none = stage.setup, bodies[:0]
+def scene_of(stage: Stage, memory: Array, count: int, tracking: Tracking) -> Scene:
+    """Return the scene of a step with so many bodies, without memory for rollouts."""
+    (edges, robot, settings), bodies = stage.setup, memory.view(BODY)
     # fmt: off
-    return Scene(edges, robot, settings, bodies, tracking.driven, (0.0, 0.0), none,
-                 none, tracking.dt, 0.0, math.inf)
+    return Scene(edges, robot, settings, bodies[:count], tracking.driven, (0.0, 0.0),
+                 memory[:0].view(ARC), bodies[:0], tracking.dt, 0.0, math.inf)
     # fmt: on
 
 
 @compiled_once
-def course_of(stage: Stage, state: Array, bodies: Array, tracking: Tracking) -> Course:
+def course_of(
+    stage: Stage, state: Array, memory: Array, count: int, tracking: Tracking
+) -> Course:
     """Return the rollout context of a step, at the pace chosen last."""
     pace = state[CHOSEN + PACE] if state[CHOSEN + PACE] > 0.0 else FASTEST
-    scene = scene_of(stage, bodies, tracking)
+    scene = scene_of(stage, memory, count, tracking)
     return Course(scene, tracking.ahead, stage.law, stage.settings, pace)
 
 
 @compiled_once
 def track_by_candidate(
-    stage: Stage, state: Array, bodies: Array, obstacles: Arrays, tracking: Tracking
+    stage: Stage, state: Array, memory: Array, obstacles: Arrays, tracking: Tracking
 ) -> Twist:
     """Return the twist of the cheapest candidate.
 
@@ -183,7 +192,7 @@ def track_by_candidate(
     Args:
         stage: Settings, tracker and filter.
         state: Of the stage.
-        bodies: Memory, one row per contact.
+        memory: Of bodies.
         obstacles: Robot frame.
         tracking: Input of the step.
     """
@@ -191,15 +200,15 @@ def track_by_candidate(
     state[CHOICE_DUE] -= 1.0
     if state[CHOICE_DUE] < 0.5:
         state[CHOICE_DUE] = max(1.0, round(TICK / tracking.dt))
-        scene = scene_of(stage, bodies, tracking)
+        scene = scene_of(stage, memory, memory.shape[0] // BODY_SIZE, tracking)
         count = bodies_in_reach(scene, obstacles, 0.0, s.horizon)
-        scene = scene_of(stage, bodies[:count], tracking)
+        scene = scene_of(stage, memory, count, tracking)
         if state[STILL] >= s.blocked_time and not any_moves(scene):
             stand_still(chosen)
         else:
-            course = course_of(stage, state, bodies[:count], tracking)
+            course = course_of(stage, state, memory, count, tracking)
             choose(course, chosen, state[STILL] > s.stall_time / 2.0)
-    course = course_of(stage, state, bodies[:0], tracking)
+    course = course_of(stage, state, memory, 0, tracking)
     return twist_of(course, driven_candidate(chosen), tracking.desired)
 
 
@@ -217,10 +226,11 @@ def _is_staged(
     leads = tracking.ahead.shape[0] > 0 and tracking.dt > 0.0
     if not (leads and 0.0 <= s.reach <= MOST_REACH):
         return False
-    if not (is_counted(edges, robot, settings) and has_way(state)):
+    if not (has_valid_sizes(edges, robot, settings) and has_way(state)):
         return False
     fits: bool = memory.search.shape[0] >= search_size(s.reach)
-    return fits and memory.bodies.shape[0] >= most_contacts(edges, obstacles)
+    most = most_contacts(edges, obstacles)
+    return fits and memory.bodies.shape[0] >= most * BODY_SIZE
 
 
 @entry_if(_is_staged)
@@ -271,7 +281,7 @@ def guide_step(
             return CLEAR, v, omega
     if state[STAGE_MODE] == DETOUR:
         twist = follow(state, s.speed, s.turn_rate, tracking.dt)
-        v, omega = at_pace(course_of(stage, state, bodies[:0], tracking), twist)
+        v, omega = at_pace(course_of(stage, state, bodies, 0, tracking), twist)
         return DETOUR, v, omega
     v, omega = track_by_candidate(stage, state, bodies, obstacles, tracking)
     return (NO_PATH if state[STILL] >= s.blocked_time else SEARCHING), v, omega
@@ -397,8 +407,8 @@ class GuideStage:
         ) -> tuple[Progress, float, float]:
             nonlocal memory
             most = most_contacts(stage.setup.edges, obstacles.arrays)
-            if len(memory.bodies) < most:
-                memory = memory._replace(bodies=np.empty((most, BODY)))
+            if len(memory.bodies) < most * BODY_SIZE:
+                memory = memory._replace(bodies=np.empty(most * BODY_SIZE))
             code, v, omega = guide_step(
                 stage, state, memory, obstacles.arrays, tracking
             )
@@ -410,7 +420,7 @@ class GuideStage:
 def stage_memory(contacts: int, settings: Settings) -> StageMemory:
     """Return memory for so many contacts; none to search without a stage."""
     many = search_size(settings["reach"].item()) if len(settings) else 0
-    return StageMemory(np.empty((contacts, BODY)), np.empty(many))
+    return StageMemory(np.empty(contacts * BODY_SIZE), np.empty(many))
 
 
 def fresh_stage() -> Array:

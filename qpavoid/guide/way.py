@@ -53,7 +53,7 @@ class Search(NamedTuple):
     """Problem of a search.
 
     Attributes:
-        inner: From :func:`qpavoid.guide.room.inner_radius`, m.
+        inner: From :attr:`qpavoid.model.footprint.Footprint.inner_radius`, m.
         reverse: Whether the robot can drive backwards.
         clearance: Required margin, m; poses with less may only be left.
         loss: Margin, m, that may be lost first when leaving; negative: must be gained.

@@ -22,7 +22,6 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
-from qpavoid.model.footprint import CORNER, ONCE_ROUND
 from qpavoid.types import (
     Array,
     Arrays,
@@ -37,6 +36,9 @@ from qpavoid.types import (
 
 X1, Y1, X2, Y2, RADIUS, V_X, V_Y, TURN, PIVOT_X, PIVOT_Y, OWNER, SIGMA = range(12)
 CAPSULE_WIDTH = 12
+
+CORNER, ONCE_ROUND = 1e-9, 7.0
+"""Sine of the least turn of a corner; rad, a bound between one whole turn and two."""
 
 JOINT = 1e-9
 """m and rad; tolerance within which collinear adjoining walls are joined."""

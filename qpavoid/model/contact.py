@@ -11,7 +11,8 @@ that projects into it; the least of their distances is the distance of the wall,
 together their rows constrain both ends of a side that moves along it. A wall that cuts
 the footprint gives one: the least shift that separates them. A convex polygon counts as
 several walls, their common ends counted once; if it overlaps with the footprint, it
-gives one as well: the least shift that ends the overlap.
+gives one as well: the least shift that ends the overlap. All this for each convex part
+of a footprint; the distance to the footprint is the least one.
 """
 
 import math
@@ -19,7 +20,7 @@ from typing import NamedTuple
 
 from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.capsules import X1, Y1, Segment, axis_of
-from qpavoid.types import Array, Edges
+from qpavoid.types import Array, Edges, Pair
 
 NO_LENGTH = 1e-12
 """m; shorter vectors have no direction beyond rounding."""
@@ -49,6 +50,13 @@ NO_CONTACT = Contact(0.0, 0.0, 1.0, 0.0, math.inf, -1)
 """No contact: the nearest points of a corner and a wall are other features."""
 
 
+class Part(NamedTuple):
+    """Convex part of a footprint: rows ``begin`` to before ``end`` of its edges."""
+
+    begin: int
+    end: int
+
+
 class Edge(NamedTuple):
     """One edge of a footprint; see :class:`Footprint`.
 
@@ -76,16 +84,23 @@ def edge_at(edges: Array, row: int) -> Edge:
 
 
 @compiled
+def part_at(edges: Array, begin: int) -> Part:
+    """Return the part whose first edge is in that row."""
+    end = edges[begin, 5]
+    # Of an invalid table the loops over parts end, too.
+    return Part(begin, int(end) if begin < end <= edges.shape[0] else edges.shape[0])
+
+
+@compiled
 def corner_at(edges: Array, corner: int) -> tuple[float, float]:
     """Return a corner of the footprint, m: the start of the edge of that number."""
     edge = edge_at(edges, corner)
     return edge.x, edge.y
 
 
-@entry
 @compiled
-def point_contact(edges: Edges, x: float, y: float) -> Contact:
-    """Return the contact of a convex footprint with the point (x, y).
+def point_contact_of(edges: Array, part: Part, x: float, y: float) -> Contact:
+    """Return the contact of a convex part with the point (x, y).
 
     The supporting line with the greatest signed distance s decides. Inside (s ≤ 0)
     and where the point projects into that edge, s is the distance. Else the nearest
@@ -94,8 +109,8 @@ def point_contact(edges: Edges, x: float, y: float) -> Contact:
     The segment is the edge that faces the point most.
     """
     greatest = -math.inf
-    segment = 0
-    for i in range(edges.shape[0]):
+    segment = part.begin
+    for i in range(part.begin, part.end):
         edge = edge_at(edges, i)
         s = edge.n_x * (x - edge.x) + edge.n_y * (y - edge.y)
         if s > greatest:
@@ -108,8 +123,8 @@ def point_contact(edges: Edges, x: float, y: float) -> Contact:
     # starts from.
     if greatest > 0.0 and not 0.0 <= along <= edge.length:
         corner = segment if along < 0.0 else segment + 1
-        if corner == edges.shape[0]:
-            corner = 0
+        if corner == part.end:
+            corner = part.begin
         p_x, p_y = corner_at(edges, corner)
         d_x, d_y = x - p_x, y - p_y
         distance = math.sqrt(d_x * d_x + d_y * d_y)
@@ -121,9 +136,23 @@ def point_contact(edges: Edges, x: float, y: float) -> Contact:
     return Contact(p_x, p_y, n_x, n_y, greatest, segment)
 
 
+@entry
+@compiled
+def point_contact(edges: Edges, x: float, y: float) -> Contact:
+    """Return the nearest contact of a footprint with the point (x, y)."""
+    part = part_at(edges, 0)
+    nearest = point_contact_of(edges, part, x, y)
+    while part.end < edges.shape[0]:
+        part = part_at(edges, part.end)
+        contact = point_contact_of(edges, part, x, y)
+        if contact.distance < nearest.distance:
+            nearest = contact
+    return nearest
+
+
 @compiled_once
-def corner_contact(edges: Array, corner: int, wall: Segment) -> Contact:
-    """Return the contact of one footprint corner with the interior of a wall.
+def corner_contact(edges: Array, part: Part, corner: int, wall: Segment) -> Contact:
+    """Return the contact of one corner of a part with the interior of a wall.
 
     :data:`NO_CONTACT` if the corner projects beyond the wall's ends: an end is nearer.
     """
@@ -139,14 +168,14 @@ def corner_contact(edges: Array, corner: int, wall: Segment) -> Contact:
     distance = t_x * (y1 - p_y) - t_y * (x1 - p_x)
     side = 1.0 if distance >= 0.0 else -1.0
     n_x, n_y = -side * t_y, side * t_x
-    segment = facing_segment(edges, corner, n_x, n_y)
+    segment = facing_segment(edges, part, corner, (n_x, n_y))
     return Contact(p_x, p_y, n_x, n_y, side * distance, segment)
 
 
 @compiled_once
-def facing_segment(edges: Array, corner: int, n_x: float, n_y: float) -> int:
-    """Return the one of the two edges at a corner that faces (n_x, n_y) more."""
-    other = (corner - 1) % edges.shape[0]
+def facing_segment(edges: Array, part: Part, corner: int, normal: Pair) -> int:
+    """Return the one of the two edges at a corner that faces a direction more."""
+    (n_x, n_y), other = normal, (corner if corner > part.begin else part.end) - 1
     after, before = edge_at(edges, corner), edge_at(edges, other)
     facing = n_x * after.n_x + n_y * after.n_y
     facing_before = n_x * before.n_x + n_y * before.n_y
@@ -154,8 +183,8 @@ def facing_segment(edges: Array, corner: int, n_x: float, n_y: float) -> int:
 
 
 @compiled_once
-def wall_separation(edges: Array, wall: Segment) -> Contact:
-    """Return the contact along the axis of least overlap of footprint and wall.
+def wall_separation(edges: Array, part: Part, wall: Segment) -> Contact:
+    """Return the contact along the axis of least overlap of a part and a wall.
 
     Two convex sets are disjoint if and only if a normal of one of their edges separates
     them [Gottschalk1996]. The distance is the greatest separation over these normals;
@@ -163,7 +192,7 @@ def wall_separation(edges: Array, wall: Segment) -> Contact:
     """
     greatest, contact = -math.inf, NO_CONTACT
     x1, y1, x2, y2 = wall
-    for i in range(edges.shape[0]):
+    for i in range(part.begin, part.end):
         a_x, a_y, n_x, n_y, edge_length = edge_at(edges, i)
         s_1 = n_x * (x1 - a_x) + n_y * (y1 - a_y)
         s_2 = n_x * (x2 - a_x) + n_y * (y2 - a_y)
@@ -181,10 +210,10 @@ def wall_separation(edges: Array, wall: Segment) -> Contact:
     # A wall has no interior: both of its normals may separate.
     for side in (-1.0, 1.0):
         n_x, n_y = -side * (y2 - y1) / length, side * (x2 - x1) / length
-        least, corner = side_separation(edges, (n_x, n_y), (x1, y1))
+        least, corner = side_separation(edges, part, (n_x, n_y), (x1, y1))
         if least > greatest:
             greatest = least
-            segment = facing_segment(edges, corner, n_x, n_y)
+            segment = facing_segment(edges, part, corner, (n_x, n_y))
             p_x, p_y = corner_at(edges, corner)
             contact = Contact(p_x, p_y, n_x, n_y, least, segment)
     return contact
@@ -192,14 +221,14 @@ def wall_separation(edges: Array, wall: Segment) -> Contact:
 
 @compiled_once
 def side_separation(
-    edges: Array, normal: tuple[float, float], place: tuple[float, float]
+    edges: Array, part: Part, normal: Pair, place: Pair
 ) -> tuple[float, int]:
-    """Return the distance of a line from the footprint, m, and the nearest corner.
+    """Return the distance of a line from a part, m, and the nearest corner.
 
     ``normal``: unit normal of the line; ``place``: a point of it.
     """
-    (n_x, n_y), (x, y), least, corner = normal, place, math.inf, 0
-    for i in range(edges.shape[0]):
+    (n_x, n_y), (x, y), least, corner = normal, place, math.inf, part.begin
+    for i in range(part.begin, part.end):
         a_x, a_y = corner_at(edges, i)
         s = n_x * (x - a_x) + n_y * (y - a_y)
         if s < least:
@@ -208,32 +237,45 @@ def side_separation(
 
 
 @compiled_once
-def wall_contact(edges: Array, wall: Segment) -> Contact:
-    """Return the nearest contact of a wall; that of the overlap if it cuts."""
-    contact = wall_separation(edges, wall)
+def wall_contact_of(edges: Array, part: Part, wall: Segment) -> Contact:
+    """Return a part's nearest contact with a wall; that of the overlap if it cuts."""
+    contact = wall_separation(edges, part, wall)
     # Cut: the distances of ends and corners do not give the separating shift.
     if contact.distance <= 0.0:
         return contact
-    contact = point_contact(edges, wall.x1, wall.y1)
-    end = point_contact(edges, wall.x2, wall.y2)
+    contact = point_contact_of(edges, part, wall.x1, wall.y1)
+    end = point_contact_of(edges, part, wall.x2, wall.y2)
     if end.distance < contact.distance:
         contact = end
-    for corner in range(edges.shape[0]):
-        side = corner_contact(edges, corner, wall)
+    for corner in range(part.begin, part.end):
+        side = corner_contact(edges, part, corner, wall)
         if side.distance < contact.distance:
             contact = side
     return contact
 
 
 @compiled_once
-def polygon_separation(edges: Array, chain: Array) -> Contact:
-    """Return the contact along the axis of least overlap of footprint and polygon.
+def wall_contact(edges: Array, wall: Segment) -> Contact:
+    """Return the nearest contact of a footprint with a wall."""
+    part = part_at(edges, 0)
+    nearest = wall_contact_of(edges, part, wall)
+    while part.end < edges.shape[0]:
+        part = part_at(edges, part.end)
+        contact = wall_contact_of(edges, part, wall)
+        if contact.distance < nearest.distance:
+            nearest = contact
+    return nearest
+
+
+@compiled_once
+def polygon_separation(edges: Array, part: Part, chain: Array) -> Contact:
+    """Return the contact along the axis of least overlap of a part and a polygon.
 
     As :func:`wall_separation`, over the normals of the edges of both; it holds where
     one lies wholly within the other, too.
     """
     greatest, contact = -math.inf, NO_CONTACT
-    for i in range(edges.shape[0]):
+    for i in range(part.begin, part.end):
         a_x, a_y, n_x, n_y, edge_length = edge_at(edges, i)
         least, x, y = math.inf, 0.0, 0.0
         for j in range(chain.shape[0]):
@@ -250,53 +292,53 @@ def polygon_separation(edges: Array, chain: Array) -> Contact:
         x1, y1, x2, y2 = axis_of(chain, j)
         length = math.sqrt((x2 - x1) ** 2 + (y2 - y1) ** 2)
         n_x, n_y = -(y2 - y1) / length, (x2 - x1) / length
-        least, corner = side_separation(edges, (n_x, n_y), (x1, y1))
+        least, corner = side_separation(edges, part, (n_x, n_y), (x1, y1))
         if least > greatest:
             greatest = least
-            segment = facing_segment(edges, corner, n_x, n_y)
+            segment = facing_segment(edges, part, corner, (n_x, n_y))
             p_x, p_y = corner_at(edges, corner)
             contact = Contact(p_x, p_y, n_x, n_y, least, segment)
     return contact
 
 
 @compiled
-def separation(edges: Array, chain: Array) -> Contact:
+def separation(edges: Array, part: Part, chain: Array) -> Contact:
     """Return the contact along the axis of least overlap, negative if they overlap.
 
     ``chain``: rows of an obstacle with a length. Of a capsule it is that of its axis.
     """
     if chain.shape[0] > 1:
-        return polygon_separation(edges, chain)
-    return wall_separation(edges, axis_of(chain, 0))
+        return polygon_separation(edges, part, chain)
+    return wall_separation(edges, part, axis_of(chain, 0))
 
 
 @compiled
-def feature_count(edges: Array, chain: Array) -> int:
-    """Return the greatest number of contacts of an obstacle with a length.
+def feature_count(part: Part, chain: Array) -> int:
+    """Return the greatest number of contacts of a part, and an obstacle with a length.
 
-    Of a wall its two ends and each corner of the footprint; of each edge of a polygon
-    one end and each corner.
+    Of a wall its two ends and each corner of the part; of each edge of a polygon one
+    end and each corner.
     """
-    corners, sides = int(edges.shape[0]), int(chain.shape[0])
+    corners, sides = part.end - part.begin, int(chain.shape[0])
     return sides * (1 + corners) if sides > 1 else 2 + corners
 
 
 @compiled_once
-def feature_contact(edges: Array, chain: Array, feature: int) -> Contact:
+def feature_contact(edges: Array, part: Part, chain: Array, feature: int) -> Contact:
     """Return one of the contacts that :func:`feature_count` counts; of the axis.
 
     :data:`NO_CONTACT` for a corner behind an edge of a polygon: others are nearer.
     """
-    row, part, ends = 0, feature, 2
+    row, one, ends = 0, feature, 2
     if chain.shape[0] > 1:
-        each, ends = 1 + edges.shape[0], 1
-        row, part = feature // each, feature % each
+        each, ends = 1 + part.end - part.begin, 1
+        row, one = feature // each, feature % each
     axis = axis_of(chain, row)
-    if part == 0:
-        return point_contact(edges, axis.x1, axis.y1)
-    if part < ends:
-        return point_contact(edges, axis.x2, axis.y2)
-    contact = corner_contact(edges, part - ends, axis)
+    if one == 0:
+        return point_contact_of(edges, part, axis.x1, axis.y1)
+    if one < ends:
+        return point_contact_of(edges, part, axis.x2, axis.y2)
+    contact = corner_contact(edges, part, part.begin + one - ends, axis)
     behind = (axis.x2 - axis.x1) * contact.n_y < (axis.y2 - axis.y1) * contact.n_x
     # Only the outer side of a polygon's edge can be in contact.
     if ends == 1 and contact.segment >= 0 and behind:

@@ -26,13 +26,14 @@ from qpavoid.model.contact import (
     Contact,
     feature_contact,
     feature_count,
-    point_contact,
+    part_at,
+    point_contact_of,
     separation,
 )
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.validation import FARTHEST
-from qpavoid.types import Array, Arrays, ContactRows, ContactRowsWritten, Edges
+from qpavoid.types import Array, Arrays, Edges, Table, Vector, VectorWritten, layout
 
 Names: TypeAlias = npt.NDArray[np.int64]
 
@@ -63,12 +64,9 @@ class ObstacleContact(NamedTuple):
     segment: int
 
 
-CONTACT_WIDTH = len(ObstacleContact._fields)
-
-P_X, P_Y, NORMAL_X, NORMAL_Y, DISTANCE = range(5)
-OBSTACLE_V_X, OBSTACLE_V_Y, OBSTACLE, SEGMENT = range(5, CONTACT_WIDTH)
-"""Columns of the table of contacts: see :class:`ObstacleContact`."""
-
+CONTACT = layout(ObstacleContact)
+CONTACT_SIZE = CONTACT.itemsize // 8
+"""Layout of the table of contacts, and numbers of memory per contact."""
 
 MOST_COUNTED = 1_000_000_000
 """Greatest number of contacts; more are counted as this many, and do not fit."""
@@ -76,38 +74,22 @@ MOST_COUNTED = 1_000_000_000
 
 @entry
 @compiled_once
-def _contact_at_fits(contacts: ContactRows, row: int) -> bool:
+def _contact_at_fits(memory: Vector, row: int) -> bool:
     """Return whether the table has such a row."""
-    all_fit: bool = 0 <= row < contacts.shape[0]
+    all_fit: bool = 0 <= row < memory.shape[0] // CONTACT_SIZE
     return all_fit
 
 
 @entry_if(_contact_at_fits)
 @compiled
-def contact_at(contacts: ContactRows, row: int) -> ObstacleContact:
-    """Return a row of the table as a record."""
-    c = contacts[row]
-    obstacle, segment = int(c[OBSTACLE]), int(c[SEGMENT])
+def contact_at(memory: Vector, row: int) -> ObstacleContact:
+    """Return a copy of a row of the table."""
+    c = memory.view(CONTACT)[row]
+    obstacle, segment = int(c.obstacle), int(c.segment)
     # fmt: off
-    return ObstacleContact(c[P_X], c[P_Y], c[NORMAL_X], c[NORMAL_Y], c[DISTANCE],
-                           c[OBSTACLE_V_X], c[OBSTACLE_V_Y], obstacle, segment)
+    return ObstacleContact(c.x, c.y, c.n_x, c.n_y, c.distance, c.v_x, c.v_y, obstacle,
+                           segment)
     # fmt: on
-
-
-@entry
-@compiled_once
-def _nearest_distance_fits(contacts: ContactRows, nearest: int) -> bool:
-    """Return whether the table has such a row, or ``nearest`` is −1."""
-    all_fit: bool = nearest < contacts.shape[0]
-    return all_fit
-
-
-@entry_if(_nearest_distance_fits)
-@compiled
-def nearest_distance(contacts: ContactRows, nearest: int) -> float:
-    """Return the distance of the nearest contact, m; ∞ if ``nearest`` is −1."""
-    distance: float = contacts[nearest, DISTANCE] if nearest >= 0 else math.inf
-    return distance
 
 
 @entry
@@ -117,10 +99,11 @@ def _contact_table_fits(
     circumradius: float,
     obstacles: Arrays,
     reach: float,
-    contacts: ContactRowsWritten,
+    memory: VectorWritten,
 ) -> bool:
     """Return whether the table has room for all contacts."""
-    all_fit: bool = contacts.shape[0] >= most_contacts(edges, obstacles)
+    most = most_contacts(edges, obstacles)
+    all_fit: bool = memory.shape[0] >= most * CONTACT_SIZE
     return all_fit
 
 
@@ -131,9 +114,9 @@ def contact_table(
     circumradius: float,
     obstacles: Arrays,
     reach: float,
-    contacts: ContactRowsWritten,
+    memory: VectorWritten,
 ) -> tuple[int, int]:
-    """Fill ``contacts`` with the contacts within reach and the nearest one.
+    """Write the table of the contacts within reach, and of the nearest one.
 
     An obstacle farther than the reach from the circumscribed circle of the footprint,
     and farther than the least distance so far, is skipped at the cost of a comparison:
@@ -144,15 +127,15 @@ def contact_table(
         circumradius: Of the footprint round the origin, m.
         obstacles: Points and capsules; see :class:`Obstacles`.
         reach: Greatest distance from the footprint of interest, m.
-        contacts: of :func:`empty_contacts`, filled: see :class:`ObstacleContact`.
+        memory: Of :func:`empty_contacts`: a table of :class:`ObstacleContact`.
 
     Returns:
         The number of contacts, and the row of least distance, the first of equal ones;
         −1 if there is no contact, −2 if a number is not finite or a radius negative.
     """
-    points, capsules = obstacles
+    (points, capsules), contacts = obstacles, memory.view(CONTACT)
     count, nearest = point_contacts(edges, points, (circumradius, reach), contacts)
-    least, end = nearest_distance(contacts, nearest), 0
+    least, end = contacts[nearest].distance if nearest >= 0 else math.inf, 0
     while end < capsules.shape[0] and nearest > -2:
         begin, end = end, chain_end(capsules, end)
         chain = capsules[begin:end]
@@ -162,49 +145,56 @@ def contact_table(
             return 0, -2
         if far > 0:
             continue
-        features, overlap = 1, NO_CONTACT
-        if has_length(chain, 0):
-            overlap = separation(edges, chain)
-            if overlap.distance > 0.0:
-                features = feature_count(edges, chain)
-        for feature in range(features):
-            contact = overlap
-            if overlap.distance > 0.0:
-                contact = feature_contact(edges, chain, feature)
-            distance = contact.distance - chain[0, RADIUS]
-            # The nearest is stored even beyond the reach.
-            if distance < least:
-                nearest, least = count, distance
-            elif distance > reach or contact.segment < 0:
-                continue
-            set_contact(contacts, count, capsule_contact(contact, chain))
-            count += 1
+        stop = 0
+        while stop < edges.shape[0]:
+            part = part_at(edges, stop)
+            stop = part.end
+            features, overlap = 1, NO_CONTACT
+            if has_length(chain, 0):
+                overlap = separation(edges, part, chain)
+                if overlap.distance > 0.0:
+                    features = feature_count(part, chain)
+            for feature in range(features):
+                contact = overlap
+                if overlap.distance > 0.0:
+                    contact = feature_contact(edges, part, chain, feature)
+                distance = contact.distance - chain[0, RADIUS]
+                # The nearest is stored even beyond the reach.
+                if distance < least:
+                    nearest, least = count, distance
+                elif distance > reach or contact.segment < 0:
+                    continue
+                contacts[count] = capsule_contact(contact, chain)
+                count += 1
     return count, nearest
 
 
 @compiled
 def point_contacts(
-    edges: Array, points: Array, within: tuple[float, float], contacts: Array
+    edges: Array, points: Array, within: tuple[float, float], contacts: Table
 ) -> tuple[int, int]:
     """Fill in the contacts of points; ``within``: circumradius and reach, m."""
-    count, nearest, least, beyond = 0, -1, math.inf, math.inf
-    for i in range(points.shape[0]):
-        x, y = points[i, 0], points[i, 1]
-        if not (abs(x) < FARTHEST and abs(y) < FARTHEST):
-            return 0, -2
-        if x * x + y * y > beyond:
-            continue
-        contact = point_contact(edges, x, y)
-        if contact.distance < least:
-            nearest, least = count, contact.distance
-            # One square per new minimum instead of a root per point.
-            beyond = (within[0] + max(within[1], least)) ** 2
-        elif contact.distance > within[1]:
-            continue
-        (p_x, p_y, n_x, n_y, distance, segment), z = contact, 0.0
-        row = ObstacleContact(p_x, p_y, n_x, n_y, distance, z, z, i, segment)
-        set_contact(contacts, count, row)
-        count += 1
+    count, nearest, least, beyond, end = 0, -1, math.inf, math.inf, 0
+    while end < edges.shape[0]:
+        part = part_at(edges, end)
+        end = part.end
+        for i in range(points.shape[0]):
+            x, y = points[i, 0], points[i, 1]
+            if not (abs(x) < FARTHEST and abs(y) < FARTHEST):
+                return 0, -2
+            if x * x + y * y > beyond:
+                continue
+            contact = point_contact_of(edges, part, x, y)
+            if contact.distance < least:
+                nearest, least = count, contact.distance
+                # One square per new minimum instead of a root per point.
+                beyond = (within[0] + max(within[1], least)) ** 2
+            elif contact.distance > within[1]:
+                continue
+            (p_x, p_y, n_x, n_y, distance, segment), z = contact, 0.0
+            row = ObstacleContact(p_x, p_y, n_x, n_y, distance, z, z, i, segment)
+            contacts[count] = row
+            count += 1
     return count, nearest
 
 
@@ -230,16 +220,6 @@ def passed_over(chain: Array, circumradius: float, within: float) -> int:
 
 
 @compiled
-def set_contact(contacts: Array, row: int, contact: ObstacleContact) -> None:
-    """Write a row of the table."""
-    c = contacts[row]
-    c[P_X], c[P_Y], c[DISTANCE] = contact.x, contact.y, contact.distance
-    c[NORMAL_X], c[NORMAL_Y] = contact.n_x, contact.n_y
-    c[OBSTACLE_V_X], c[OBSTACLE_V_Y] = contact.v_x, contact.v_y
-    c[OBSTACLE], c[SEGMENT] = contact.obstacle, contact.segment
-
-
-@compiled
 def capsule_contact(contact: Contact, chain: Array) -> ObstacleContact:
     """Return the contact with a capsule from that with its axis; v_o nearest P_r."""
     p_x, p_y, n_x, n_y, distance, segment = contact
@@ -253,21 +233,24 @@ def capsule_contact(contact: Contact, chain: Array) -> ObstacleContact:
 @compiled
 def most_contacts(edges: Edges, obstacles: Arrays) -> int:
     """Return the greatest number of contacts; see :func:`feature_count`."""
-    capsules, end = obstacles[1], 0
-    count = len(obstacles[0])
-    while end < len(capsules):
-        begin, end = end, chain_end(capsules, end)
-        if has_length(capsules, begin):
-            count += feature_count(edges, capsules[begin:end])
-        else:
-            count += 1
-        count = min(count, MOST_COUNTED)
+    count, stop = 0, 0
+    while stop < edges.shape[0]:
+        part = part_at(edges, stop)
+        stop, end = part.end, 0
+        count = min(count + len(obstacles[0]), MOST_COUNTED)
+        while end < len(obstacles[1]):
+            begin, end = end, chain_end(obstacles[1], end)
+            if has_length(obstacles[1], begin):
+                count += feature_count(part, obstacles[1][begin:end])
+            else:
+                count += 1
+            count = min(count, MOST_COUNTED)
     return count
 
 
 def empty_contacts(edges: Array, obstacles: Arrays) -> Array:
-    """Return an uninitialised table with room for all contacts."""
-    return np.empty((most_contacts(edges, obstacles), CONTACT_WIDTH))
+    """Return uninitialised memory for the table of all contacts."""
+    return np.empty(most_contacts(edges, obstacles) * CONTACT_SIZE)
 
 
 def clearance_of(footprint: Footprint, obstacles: Arrays) -> float:
@@ -276,7 +259,7 @@ def clearance_of(footprint: Footprint, obstacles: Arrays) -> float:
     _, nearest = contact_table(
         footprint.edges, footprint.circumradius, obstacles, 0.0, contacts
     )
-    return float(nearest_distance(contacts, nearest))
+    return contact_at(contacts, nearest).distance if nearest >= 0 else math.inf
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -304,18 +287,18 @@ class Contacts:
     def of(cls, footprint: Footprint, obstacles: Obstacles) -> "Contacts":
         """Return the contacts of a footprint with obstacles in the robot frame."""
         arrays = obstacles.arrays
-        table = empty_contacts(footprint.edges, arrays)
+        memory = empty_contacts(footprint.edges, arrays)
         count, _ = contact_table(
-            footprint.edges, footprint.circumradius, arrays, math.inf, table
+            footprint.edges, footprint.circumradius, arrays, math.inf, memory
         )
-        table = table[:count]
+        table = memory.view(CONTACT)[:count]
         columns = (
-            table[:, P_X : P_Y + 1],
-            table[:, NORMAL_X : NORMAL_Y + 1],
-            table[:, DISTANCE],
-            table[:, OBSTACLE_V_X : OBSTACLE_V_Y + 1],
-            table[:, OBSTACLE].astype(np.int64),
-            table[:, SEGMENT].astype(np.int64),
+            np.column_stack([table["x"], table["y"]]),
+            np.column_stack([table["n_x"], table["n_y"]]),
+            table["distance"].copy(),
+            np.column_stack([table["v_x"], table["v_y"]]),
+            table["obstacle"].astype(np.int64),
+            table["segment"].astype(np.int64),
         )
         for column in columns:
             column.setflags(write=False)

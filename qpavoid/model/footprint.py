@@ -1,79 +1,190 @@
-"""Convex footprints: the pentagon with a tip (section 2, Eq. 8), rectangle, polygon."""
+"""Footprints: unions of convex polygons; the pentagon with a tip (section 2, Eq. 8)."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from qpavoid.errors import InvalidInputError
+from qpavoid.model.capsules import CORNER
+from qpavoid.model.contact import point_contact
 from qpavoid.types import Array
 
-CORNER, ONCE_ROUND = 1e-9, 7.0
-"""Sine of the least turn of a corner; rad, a bound between one whole turn and two."""
+BENT = round(CORNER**-2)
+"""Inverse square of the least sine of a corner's turn."""
+
+Corner = tuple[int, int, int]
+"""x, y of a corner in exact arithmetic, in a small unit, and its number."""
+
+
+def turn(a: Corner, b: Corner, c: Corner) -> int:
+    """Return twice the signed area of the triangle a, b, c; positive if c is left."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def square(a: Corner, b: Corner) -> int:
+    """Return the squared distance of two corners."""
+    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2
+
+
+def bends(corners: list[Corner]) -> list[int]:
+    """Return 1 for the corners of a polygon that turn left, −1 right, 0 hardly."""
+    found = []
+    for i, b in enumerate(corners):
+        a, c = corners[i - 1], corners[(i + 1) % len(corners)]
+        left = turn(a, b, c)
+        bent = left * left * BENT > square(a, b) * square(b, c)
+        found.append((left > 0) - (left < 0) if bent else 0)
+    return found
+
+
+def touch(a: Corner, b: Corner, c: Corner, d: Corner) -> bool:
+    """Return whether the segments a–b and c–d have a common point."""
+    for i in (0, 1):
+        if max(a[i], b[i]) < min(c[i], d[i]) or max(c[i], d[i]) < min(a[i], b[i]):
+            return False
+    one, other = turn(a, b, c) * turn(a, b, d), turn(c, d, a) * turn(c, d, b)
+    return one <= 0 and other <= 0
+
+
+def why_not_simple(vertices: Array) -> str:
+    """Return the fault of the corners (n, 2) of a polygon, m; empty if simple."""
+    corners = exact(vertices)
+    sides = list(zip(corners, corners[1:] + corners[:1], strict=True))
+    if any(square(*side) == 0 for side in sides):
+        return "repeat a corner"
+    for i, one in enumerate(sides):
+        for other in sides[i + 2 : len(sides) - (i == 0)]:
+            if touch(*one, *other):
+                return "make a polygon that crosses or touches itself"
+    if sum(turn(corners[0], *side) for side in sides) < 0:
+        return "are clockwise"
+    return "" if all(bends(corners)) else "have one on a side"
 
 
 def why_not_convex(vertices: Array) -> str:
     """Return the fault of the corners (n, 2) of a polygon, m; empty if convex."""
-    side = np.roll(vertices, -1, axis=0) - vertices
-    length, following = np.hypot(*side.T), np.roll(side, -1, axis=0)
-    turn = side[:, 0] * following[:, 1] - side[:, 1] * following[:, 0]
-    angle = np.arctan2(turn, (side * following).sum(axis=1)).sum()
-    least = CORNER * length * np.roll(length, -1)
-    left, right = turn > least, turn < -least
-    if left.all() and angle <= ONCE_ROUND:
-        return ""
-    if not left.any() and right.any():
-        return "are clockwise"
-    if right.any() or left.all():
-        return "make a polygon that is not convex, or crosses itself"
-    return "repeat a corner, or have one on a side"
+    inward = "make a polygon that is not convex" if -1 in bends(exact(vertices)) else ""
+    return why_not_simple(vertices) or inward
+
+
+def exact(vertices: Array) -> list[Corner]:
+    """Return the corners (n, 2) in exact arithmetic."""
+    pairs = [(Fraction(x), Fraction(y)) for x, y in vertices.tolist()]
+    unit = max(one.denominator for pair in pairs for one in pair)  # a power of two
+    return [(int(x * unit), int(y * unit), i) for i, (x, y) in enumerate(pairs)]
+
+
+def is_diagonal(corners: list[Corner], i: int, j: int) -> bool:
+    """Return whether the segment between two corners lies within a polygon."""
+    n, a, b = len(corners), corners[i], corners[j]
+    for k in range(n):
+        ends = k, (k + 1) % n
+        if i not in ends and j not in ends:
+            if touch(a, b, corners[ends[0]], corners[ends[1]]):
+                return False
+    before, after = corners[i - 1], corners[(i + 1) % n]
+    beyond = turn(before, a, b) <= 0, turn(a, after, b) <= 0
+    outside = all(beyond) if turn(before, a, after) < 0 else any(beyond)
+    return (i - j) % n not in (1, n - 1) and not outside
+
+
+def convex_parts(corners: list[Corner]) -> list[list[Corner]]:
+    """Return convex polygons that make up a simple one, cut along diagonals.
+
+    Each cut ends at a corner of more than 180° and leaves the fewest such corners; of
+    equal ones the shortest is chosen. Corners of 180° that a cut makes are left out.
+    """
+    turns = bends(corners)
+    if -1 not in turns:
+        return [[one for one, bend in zip(corners, turns, strict=True) if bend]]
+    cuts = []
+    for i in (k for k, bend in enumerate(turns) if bend < 0):
+        for j in (k for k in range(len(corners)) if is_diagonal(corners, i, k)):
+            low, high = min(i, j), max(i, j)
+            halves = corners[low : high + 1], corners[high:] + corners[: low + 1]
+            inward = sum(bends(half).count(-1) for half in halves)
+            cuts.append((inward, square(corners[i], corners[j]), halves))
+    halves = min(cuts, key=lambda cut: cut[:2])[2]
+    return [part for half in halves for part in convex_parts(half)]
+
+
+def checked(given: Any) -> Array:
+    """Return the corners (n, 2) of a simple polygon, read-only."""
+    try:
+        vertices = np.array(given, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(
+            f"footprint vertices must be numbers: {error}"
+        ) from None
+    if vertices.ndim != 2 or vertices.shape[1] != 2 or len(vertices) < 3:
+        raise InvalidInputError(
+            f"a footprint takes (n, 2) vertices with n >= 3, not shape {vertices.shape}"
+        )
+    if not np.isfinite(vertices).all():
+        raise InvalidInputError("footprint vertices must be finite")
+    if wrong := why_not_simple(vertices):
+        raise InvalidInputError(
+            "footprint vertices must be the corners of a polygon, counter-clockwise, "
+            f"without repeated or collinear ones: these {wrong}"
+        )
+    vertices.setflags(write=False)
+    return vertices
 
 
 @dataclass(frozen=True, eq=False)
 class Footprint:
-    """Convex polygon in the robot frame, whose origin is the middle of the axle.
+    """Union of polygons in the robot frame, whose origin is the middle of the axle.
+
+    Each polygon is cut into convex *parts*. The distance to the footprint is the least
+    of the distances to its parts: exact outside; inside, the depth within one part,
+    which may be less than that within the union.
 
     Attributes:
-        vertices: (n, 2) corners in m, counter-clockwise, none of 180°.
-        edges: (n, 5) edge i, from vertex i to the next: a_x, a_y (its start, m),
-            n_x, n_y (outward unit normal), length (m). The unit tangent is
-            (−n_y, n_x). Read-only, as is ``vertices``.
+        outlines: Polygons as given: (n, 2) corners in m each, counter-clockwise, none
+            of 180°. They may overlap, or be apart.
+        vertices: (n, 2) corners of all outlines, one after the other.
+        parts: Convex polygons of the same union.
+        edges: (n, 6) edges of all parts, one part after the other: a_x, a_y (start of
+            the edge, m), n_x, n_y (outward unit normal), length (m), and the row after
+            the last edge of the part. The unit tangent is (−n_y, n_x). Arrays are
+            read-only.
 
     Raises:
-        InvalidInputError: Fewer than three corners, not finite, clockwise or not
-            strictly convex.
+        InvalidInputError: No polygon; or one with fewer than three corners, not finite,
+            clockwise, that crosses or touches itself, or with a corner of 180°.
     """
 
-    vertices: Array
+    outlines: tuple[Array, ...]
+    vertices: Array = field(init=False, repr=False)
+    parts: tuple[Array, ...] = field(init=False, repr=False)
     edges: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        try:
-            vertices = np.array(self.vertices, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise InvalidInputError(
-                f"footprint vertices must be numbers: {error}"
-            ) from None
-        if vertices.ndim != 2 or vertices.shape[1] != 2 or len(vertices) < 3:
-            raise InvalidInputError(
-                "a footprint takes (n, 2) vertices with n >= 3, "
-                f"not shape {vertices.shape}"
-            )
-        if not np.isfinite(vertices).all():
-            raise InvalidInputError("footprint vertices must be finite")
-        if wrong := why_not_convex(vertices):
-            raise InvalidInputError(
-                "footprint vertices must be the corners of a convex polygon, "
-                f"counter-clockwise, without repeated or collinear ones: these {wrong}"
-            )
-        side = np.roll(vertices, -1, axis=0) - vertices
-        length = np.hypot(side[:, 0], side[:, 1])
-        normal = np.column_stack([side[:, 1], -side[:, 0]]) / length[:, None]
-        edges = np.column_stack([vertices, normal, length])
-        for array in (vertices, edges):
+        outlines, parts, tables, end = tuple(map(checked, self.outlines)), [], [], 0
+        if not outlines:
+            raise InvalidInputError("a footprint takes one polygon or more, not none")
+        for outline in outlines:
+            parts += [
+                outline[[i for _, _, i in x]] for x in convex_parts(exact(outline))
+            ]
+        for part in parts:
+            side = np.roll(part, -1, axis=0) - part
+            length = np.hypot(side[:, 0], side[:, 1])
+            normal = np.column_stack([side[:, 1], -side[:, 0]]) / length[:, None]
+            end += len(part)
+            ends = np.full(len(part), float(end))
+            tables.append(np.column_stack([part, normal, length, ends]))
+        vertices, edges = np.vstack(outlines), np.vstack(tables)
+        for array in (*parts, vertices, edges):
             array.setflags(write=False)
         object.__setattr__(self, "vertices", vertices)
+        object.__setattr__(self, "outlines", outlines)
+        object.__setattr__(self, "parts", tuple(parts))
         object.__setattr__(self, "edges", edges)
 
     @classmethod
@@ -102,16 +213,14 @@ class Footprint:
             )
         half_length, half_width = length / 2, width / 2
         apex = half_length + half_width * math.tan(tip_angle)
-        return cls(
-            np.array(
-                [
-                    (-half_length, -half_width),
-                    (half_length, -half_width),
-                    (apex, 0.0),
-                    (half_length, half_width),
-                    (-half_length, half_width),
-                ]
-            )
+        return cls.polygon(
+            [
+                (-half_length, -half_width),
+                (half_length, -half_width),
+                (apex, 0.0),
+                (half_length, half_width),
+                (-half_length, half_width),
+            ]
         )
 
     @classmethod
@@ -122,25 +231,44 @@ class Footprint:
         """
         _positive(length=length, width=width)
         x, y = length / 2, width / 2
-        return cls(np.array([(-x, -y), (x, -y), (x, y), (-x, y)]))
+        return cls.polygon([(-x, -y), (x, -y), (x, y), (-x, y)])
 
     @classmethod
     def polygon(cls, vertices: Sequence[Sequence[float]] | Array) -> "Footprint":
-        """Return any strictly convex polygon, counter-clockwise, robot frame, m."""
-        return cls(vertices)  # type: ignore[arg-type]
+        """Return any simple polygon, counter-clockwise, robot frame, m."""
+        return cls((vertices,))  # type: ignore[arg-type]
+
+    @classmethod
+    def union(cls, parts: Sequence[Any]) -> "Footprint":
+        """Return the union of footprints or corners of polygons, robot frame, m."""
+        each = (x.outlines if isinstance(x, cls) else (x,) for x in parts)
+        return cls(tuple(outline for outlines in each for outline in outlines))
+
+    @property
+    def starts(self) -> npt.NDArray[np.int64]:
+        """(p,) row of the first edge of each part."""
+        return np.cumsum([0, *map(len, self.parts[:-1])])
 
     @property
     def circumradius(self) -> float:
         """Greatest distance of the footprint from the robot's origin, m."""
         return float(np.hypot(self.vertices[:, 0], self.vertices[:, 1]).max())
 
+    @property
+    def inner_radius(self) -> float:
+        """Radius of the greatest disc about the origin within one part, m.
+
+        Negative outside: minus the distance of the origin.
+        """
+        return -float(point_contact(self.edges, 0.0, 0.0).distance)
+
 
 def offset_outline(vertices: Array, distance: float, corner: int = 16) -> Array:
-    """Return the outline (n, 2) of the points within ``distance`` m of a footprint.
+    """Return the outline (n, 2) of the points within ``distance`` m of a convex part.
 
     Corners are rounded by ``corner`` points each; same frame as ``vertices``.
     """
-    normals = Footprint(vertices).edges[:, 2:4]
+    normals = Footprint.polygon(vertices).edges[:, 2:4]
     after = np.arctan2(normals[:, 1], normals[:, 0])[:, None]
     before = np.roll(after, 1, axis=0)
     angle = before + (after - before) % (2 * np.pi) * np.linspace(0.0, 1.0, corner)

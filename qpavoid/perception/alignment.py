@@ -11,26 +11,12 @@ import math
 from qpavoid.compiled import compiled_once
 from qpavoid.perception.local_map import (
     CELL,
-    LIVES,
-    LOOSE,
-    POINT_X,
-    POINT_Y,
     Cell,
     cell_of,
     holds,
     row_of,
 )
-from qpavoid.perception.scan import (
-    COS,
-    ECHO_X,
-    ECHO_Y,
-    FROM_X,
-    RANGE,
-    SURFACE_X,
-    SURFACE_Y,
-)
-from qpavoid.perception.tracks import TRACK_X, TRACK_Y
-from qpavoid.types import Array, Pose
+from qpavoid.types import Array, Pose, Table
 
 ALIGN_ROUNDS, MOST_MATCHED, LEAST_MATCHED = 4, 180, 20
 """Iterations; echoes that are matched at most, and at least."""
@@ -60,18 +46,18 @@ SYSTEM = 9
 
 
 @compiled_once
-def drop_bodies(scan: Array, tracks: Array, count: int) -> None:
+def drop_bodies(scan: Table, tracks: Table, count: int) -> None:
     """Clear the normals of echoes near tracks: they are not matched."""
     for k in range(scan.shape[0]):
         one = scan[k]
         for a in range(count):
             t = tracks[a]
-            if math.hypot(one[ECHO_X] - t[TRACK_X], one[ECHO_Y] - t[TRACK_Y]) < BODY:
-                one[SURFACE_X], one[SURFACE_Y] = 0.0, 0.0
+            if math.hypot(one.x - t.x, one.y - t.y) < BODY:
+                one.n_x, one.n_y = 0.0, 0.0
 
 
 @compiled_once
-def nearest_point(cells: Array, x: float, y: float, centre: Cell, reach: float) -> int:
+def nearest_point(cells: Table, x: float, y: float, centre: Cell, reach: float) -> int:
     """Return the row of the cell with the nearest static point; −1: none in reach."""
     i, j, wide = cell_of(x), cell_of(y), math.ceil(reach / CELL)
     if not holds(centre, i, j, wide + 1):
@@ -80,16 +66,16 @@ def nearest_point(cells: Array, x: float, y: float, centre: Cell, reach: float) 
     for a in range(i - wide, i + wide + 1):
         for b in range(j - wide, j + wide + 1):
             cell = cells[row_of(a, b)]
-            d_x, d_y = cell[POINT_X] - x, cell[POINT_Y] - y
+            d_x, d_y = cell.x - x, cell.y - y
             square = d_x * d_x + d_y * d_y
-            if cell[LIVES] > 0.0 and cell[LOOSE] == 0.0 and square < best:
+            if cell.lives > 0 and cell.loose == 0 and square < best:
                 best, found = square, row_of(a, b)
     return found
 
 
 @compiled_once
 def match(
-    scan: Array, cells: Array, centre: Cell, robot: Pose, reach: float, system: Array
+    scan: Table, cells: Table, centre: Cell, robot: Pose, reach: float, system: Array
 ) -> int:
     """Write the normal equations of the matches; return their number.
 
@@ -106,13 +92,13 @@ def match(
     used, stride = 0, 1 + scan.shape[0] // MOST_MATCHED
     for place in range(scan.shape[0] // stride):
         one = scan[place * stride]
-        n_x, n_y, x, y = one[SURFACE_X], one[SURFACE_Y], one[ECHO_X], one[ECHO_Y]
-        if not one[RANGE] < math.inf or (n_x == 0.0 and n_y == 0.0):
+        n_x, n_y, x, y = one.n_x, one.n_y, one.x, one.y
+        if not one.range < math.inf or (n_x == 0.0 and n_y == 0.0):
             continue
         row = nearest_point(cells, x, y, centre, reach)
         if row < 0:
             continue
-        e = n_x * (cells[row, POINT_X] - x) + n_y * (cells[row, POINT_Y] - y)
+        e = n_x * (cells[row].x - x) + n_y * (cells[row].y - y)
         lever = n_y * (x - robot[0]) - n_x * (y - robot[1])
         w = 1.0 / (1.0 + (e / ROBUST) ** 2)
         system[0] += w * n_x * n_x
@@ -166,24 +152,27 @@ def solve_step(
 
 
 @compiled_once
-def move_scan(scan: Array, robot: Pose, shift: Pose) -> None:
+def move_scan(scan: Table, robot: Pose, shift: Pose) -> None:
     """Move the scan by d_x, d_y (m) and a turn (rad) about the robot."""
     cos, sin = math.cos(shift[2]), math.sin(shift[2])
     for k in range(scan.shape[0]):
         one = scan[k]
-        for place in (FROM_X, ECHO_X):
-            x, y = one[place] - robot[0], one[place + 1] - robot[1]
-            one[place] = robot[0] + shift[0] + cos * x - sin * y
-            one[place + 1] = robot[1] + shift[1] + sin * x + cos * y
-        for along in (COS, SURFACE_X):
-            x, y = one[along], one[along + 1]
-            one[along], one[along + 1] = cos * x - sin * y, sin * x + cos * y
+        x, y = one.from_x - robot[0], one.from_y - robot[1]
+        one.from_x = robot[0] + shift[0] + cos * x - sin * y
+        one.from_y = robot[1] + shift[1] + sin * x + cos * y
+        x, y = one.x - robot[0], one.y - robot[1]
+        one.x = robot[0] + shift[0] + cos * x - sin * y
+        one.y = robot[1] + shift[1] + sin * x + cos * y
+        x, y = one.cos, one.sin
+        one.cos, one.sin = cos * x - sin * y, sin * x + cos * y
+        x, y = one.n_x, one.n_y
+        one.n_x, one.n_y = cos * x - sin * y, sin * x + cos * y
 
 
 @compiled_once
 def align(
-    scan: Array,
-    cells: Array,
+    scan: Table,
+    cells: Table,
     centre: Cell,
     robot: Pose,
     step: tuple[float, float],

@@ -13,7 +13,7 @@ import math
 from typing import NamedTuple
 
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.types import Array
+from qpavoid.types import Row, Table, layout
 
 CELL, HALF = 0.1, 80
 """Side of a cell, m; cells on each side of the robot's."""
@@ -21,20 +21,40 @@ CELL, HALF = 0.1, 80
 SIDE = 2 * HALF
 """Cells of a row of the map."""
 
-(
-    FREE_SINCE,  # s, since when it has been seen through without a hit
-    FREE_COUNT,  # scans that saw through it since then
-    SCORE,  # s, of hits less that of seeing through
-    EVER_FREE,  # 1: ever-free
-    POINT_X,  # point of an obstacle in it, m
-    POINT_Y,
-    HIT_TIME,  # s, of the last hit
-    HIT_WAY,  # m, distance driven at the last hit
-    LIVES,  # sights through it that the point survives; 0: there is no point
-    LOOSE,  # 1: the point was in ever-free space when it was hit
-    LAST_SCAN,  # number of the scan that touched the cell last
-) = range(11)
-CELL_WIDTH = 11
+
+class CellState(NamedTuple):
+    """A cell of the map, and a point of an obstacle in it.
+
+    Attributes:
+        free_since: s, since when it has been seen through without a hit.
+        score: s, of hits less that of seeing through.
+        x: Of the point, m.
+        y: Of the point, m.
+        hit_time: s, of the last hit.
+        hit_way: m, distance driven at the last hit.
+        free_count: Scans that saw through it since then.
+        ever_free: 1: ever-free.
+        lives: Sights through it that the point survives; 0: there is no point.
+        loose: 1: the point was in ever-free space when it was hit.
+        last_scan: Number of the scan that touched the cell last.
+    """
+
+    free_since: float
+    score: float
+    x: float
+    y: float
+    hit_time: float
+    hit_way: float
+    free_count: int
+    ever_free: int
+    lives: int
+    loose: int
+    last_scan: int
+
+
+CELL_STATE = layout(CellState)
+CELL_SIZE = CELL_STATE.itemsize // 8
+"""Layout of the map, and numbers of memory per cell."""
 
 FREE_SCANS, FREE_TIME = 3, 0.3
 """A cell is ever-free after so many scans, and s, of being seen through."""
@@ -63,7 +83,7 @@ class Moment(NamedTuple):
         way: m driven so far.
     """
 
-    number: float
+    number: int
     time: float
     dt: float
     way: float
@@ -89,22 +109,22 @@ def holds(centre: Cell, i: int, j: int, border: int) -> bool:
 
 
 @compiled
-def clear_cell(cell: Array) -> None:
+def clear_cell(cell: Row) -> None:
     """Make a cell unknown."""
-    cell[FREE_SINCE], cell[FREE_COUNT], cell[SCORE] = math.inf, 0.0, 0.0
-    cell[EVER_FREE], cell[LIVES], cell[LOOSE] = 0.0, 0.0, 0.0
-    cell[HIT_TIME], cell[HIT_WAY], cell[LAST_SCAN] = -math.inf, 0.0, -1.0
+    cell.free_since, cell.free_count, cell.score = math.inf, 0, 0.0
+    cell.ever_free, cell.lives, cell.loose = 0, 0, 0
+    cell.hit_time, cell.hit_way, cell.last_scan = -math.inf, 0.0, -1
 
 
 @compiled_once
-def clear_map(cells: Array) -> None:
+def clear_map(cells: Table) -> None:
     """Make all cells unknown."""
     for row in range(cells.shape[0]):
         clear_cell(cells[row])
 
 
 @compiled_once
-def roll(cells: Array, old: int, new: int, along_y: bool) -> None:
+def roll(cells: Table, old: int, new: int, along_y: bool) -> None:
     """Clear the cells that enter the map as its centre moves along an axis."""
     begin, end = (old + HALF, new + HALF) if new > old else (new - HALF, old - HALF)
     begin = max(begin, end - SIDE)
@@ -114,73 +134,73 @@ def roll(cells: Array, old: int, new: int, along_y: bool) -> None:
 
 
 @compiled_once
-def is_ever_free(cells: Array, x: float, y: float, centre: Cell, border: int) -> bool:
+def is_ever_free(cells: Table, x: float, y: float, centre: Cell, border: int) -> bool:
     """Return whether all cells within ``border`` cells of a point are ever-free."""
     i, j = cell_of(x), cell_of(y)
     if not holds(centre, i, j, border + 1):
         return False
     for a in range(i - border, i + border + 1):
         for b in range(j - border, j + border + 1):
-            if cells[row_of(a, b), EVER_FREE] == 0.0:
+            if cells[row_of(a, b)].ever_free == 0:
                 return False
     return True
 
 
 @compiled
-def hit(cell: Array, x: float, y: float, loose: bool, now: Moment) -> None:
+def hit(cell: Row, x: float, y: float, loose: bool, now: Moment) -> None:
     """Enter the echo of a static obstacle, ``loose`` in ever-free space."""
-    recent = now.time - cell[HIT_TIME] < POINT_TIME
-    if cell[LIVES] > 0.0 and cell[LOOSE] == 0.0 and recent:
-        cell[POINT_X] += POINT_GAIN * (x - cell[POINT_X])
-        cell[POINT_Y] += POINT_GAIN * (y - cell[POINT_Y])
+    recent = now.time - cell.hit_time < POINT_TIME
+    if cell.lives > 0 and cell.loose == 0 and recent:
+        cell.x += POINT_GAIN * (x - cell.x)
+        cell.y += POINT_GAIN * (y - cell.y)
     else:
-        cell[POINT_X], cell[POINT_Y] = x, y
-    cell[HIT_TIME], cell[HIT_WAY], cell[LIVES] = now.time, now.way, MOST_LIVES
-    cell[LOOSE] = 1.0 if loose else 0.0
-    if cell[LAST_SCAN] != now.number:
-        cell[LAST_SCAN], cell[FREE_COUNT] = now.number, 0.0
-        cell[SCORE] = min(cell[SCORE] + HIT_GAIN * now.dt, MOST_SCORE)
-        if cell[SCORE] >= REVOKED:
-            cell[EVER_FREE] = 0.0
+        cell.x, cell.y = x, y
+    cell.hit_time, cell.hit_way, cell.lives = now.time, now.way, MOST_LIVES
+    cell.loose = 1 if loose else 0
+    if cell.last_scan != now.number:
+        cell.last_scan, cell.free_count = now.number, 0
+        cell.score = min(cell.score + HIT_GAIN * now.dt, MOST_SCORE)
+        if cell.score >= REVOKED:
+            cell.ever_free = 0
 
 
 @compiled
-def was_hit(cell: Array, time: float, number: float) -> bool:
+def was_hit(cell: Row, time: float, number: int) -> bool:
     """Return whether a cell was hit in the scan of a time (s) and number."""
-    return bool(cell[HIT_TIME] >= time and cell[LAST_SCAN] == number)
+    return bool(cell.hit_time >= time and cell.last_scan == number)
 
 
 @compiled
-def occupy(cell: Array, now: Moment) -> None:
+def occupy(cell: Row, now: Moment) -> None:
     """Enter the echo of a moving obstacle: neither a hit nor free."""
-    if cell[LAST_SCAN] != now.number:
-        cell[LAST_SCAN], cell[LIVES], cell[SCORE] = now.number, 0.0, 0.0
+    if cell.last_scan != now.number:
+        cell.last_scan, cell.lives, cell.score = now.number, 0, 0.0
 
 
 @compiled
-def see_through(cell: Array, now: Moment) -> None:
+def see_through(cell: Row, now: Moment) -> None:
     """Enter a beam that passes a cell, once a scan."""
-    if cell[LAST_SCAN] == now.number:
+    if cell.last_scan == now.number:
         return
-    cell[LAST_SCAN] = now.number
-    if cell[FREE_COUNT] == 0.0:
-        cell[FREE_SINCE] = now.time
-    cell[FREE_COUNT] += 1.0
-    cell[SCORE] = max(cell[SCORE] - now.dt, 0.0)
-    long = now.time - cell[FREE_SINCE] >= FREE_TIME - 1e-6
-    if cell[SCORE] <= 0.0 and cell[FREE_COUNT] >= FREE_SCANS and long:
-        cell[EVER_FREE] = 1.0
+    cell.last_scan = now.number
+    if cell.free_count == 0:
+        cell.free_since = now.time
+    cell.free_count += 1
+    cell.score = max(cell.score - now.dt, 0.0)
+    long = now.time - cell.free_since >= FREE_TIME - 1e-6
+    if cell.score <= 0.0 and cell.free_count >= FREE_SCANS and long:
+        cell.ever_free = 1
 
 
 @compiled_once
-def clear_robot(cells: Array, centre: Cell, radius: float, now: Moment) -> None:
+def clear_robot(cells: Table, centre: Cell, radius: float, now: Moment) -> None:
     """Enter that nothing but the robot is within a radius (m) of the centre."""
     wide = int(radius / CELL)
     for i in range(-wide, wide + 1):
         for j in range(-wide, wide + 1):
             if (i * i + j * j) * CELL * CELL <= radius * radius:
                 cell = cells[row_of(centre[0] + i, centre[1] + j)]
-                cell[SCORE], cell[LIVES] = 0.0, 0.0
+                cell.score, cell.lives = 0.0, 0
                 see_through(cell, now)
 
 
@@ -203,7 +223,7 @@ class Beam(NamedTuple):
 
 
 @compiled_once
-def trace(cells: Array, beam: Beam, centre: Cell, now: Moment) -> None:
+def trace(cells: Table, beam: Beam, centre: Cell, now: Moment) -> None:
     """See through every cell that a beam crosses, one by one [Amanatides1987]."""
     x, y, limit = beam.x / CELL, beam.y / CELL, beam.length / CELL
     i, j = math.floor(x), math.floor(y)

@@ -16,41 +16,24 @@ from qpavoid.model.validation import as_number, as_pose, as_rows
 from qpavoid.perception.alignment import SYSTEM
 from qpavoid.perception.local_map import (
     CELL,
-    CELL_WIDTH,
-    EVER_FREE,
-    FREE_COUNT,
+    CELL_STATE,
     HALF,
-    LIVES,
-    POINT_X,
-    POINT_Y,
     SIDE,
 )
 from qpavoid.perception.scan import (
     NO_ECHO_FREE,
     NO_ECHO_UNKNOWN,
-    RANGE,
-    SCAN_WIDTH,
+    RAY,
     Sensor,
 )
-from qpavoid.perception.segments import MOST_SEGMENTS, SEGMENT_WIDTH
+from qpavoid.perception.segments import GROUP, MOST_SEGMENTS
 from qpavoid.perception.settings import Lidar, PerceptionSettings
 from qpavoid.perception.tracks import (
-    CONFIRMED,
-    COVER,
+    FOLLOWED,
     MOST_TRACKS,
-    NAME,
-    P_VV,
-    TRACK_V_X,
-    TRACK_V_Y,
-    TRACK_WIDTH,
-    TRACK_X,
-    TRACK_Y,
 )
 from qpavoid.perception.update import (
-    MIDDLE_I,
-    MIDDLE_J,
-    STATE_WIDTH,
-    TRACKS,
+    MAP_STATE,
     Found,
     Memory,
     Model,
@@ -143,13 +126,14 @@ class Device:
             lidar.angle_error,
             MEANING[lidar.no_echo],
         )
-        self.rows, self.counts = np.zeros((beams, SCAN_WIDTH)), np.zeros(2)
+        self.rows, self.counts = np.zeros(beams, RAY), np.zeros(2)
 
     def scan(self, time: float, pose: Pose, twist: Twist, length: float) -> Scan:
         """Return the scan in the rows, whose middle is at a time and pose."""
         x, y, _ = arc(*pose, *twist, length)
         motion = (x - pose[0], y - pose[1], twist[1] * length)
-        known = self.rows, self.beams, self.sensor, self.counts
+        rows = self.rows.view(np.float64)
+        known = rows, self.beams, self.sensor, self.counts
         return Scan(*known, time, pose, motion)
 
 
@@ -177,7 +161,6 @@ class Perception:
         settings: PerceptionSettings | None = None,
     ) -> None:
         lidar = Lidar() if lidar is None else lidar
-        self.robot = robot
         self.lidars = {"": lidar} if isinstance(lidar, Lidar) else dict(lidar)
         self.settings = settings if settings is not None else PerceptionSettings()
         known = all(isinstance(one, Lidar) for one in self.lidars.values())
@@ -186,23 +169,24 @@ class Perception:
             isinstance(self.settings, PerceptionSettings),
             "settings must be PerceptionSettings",
         )
-        edges = robot.footprint.edges
-        inner = float((edges[:, :2] * edges[:, 2:4]).sum(axis=1).min())
-        s = self.settings
-        self.model = Model(
-            max(inner, 0.0), s.radius, s.acceleration, s.memory, s.memory_way
-        )
+        self.fit(robot)
         self._devices: dict[str, Device] = {}
         self._found = Found(np.zeros((0, 2)), np.zeros((MOST_TRACKS, CAPSULE_WIDTH)))
         self.reset()
 
+    def fit(self, robot: Robot) -> None:
+        """Set the robot; what is known is kept, also of what a larger one covers."""
+        s, inner = self.settings, max(robot.footprint.inner_radius, 0.0)
+        self.robot = robot
+        self.model = Model(inner, s.radius, s.acceleration, s.memory, s.memory_way)
+
     def reset(self) -> None:
         """Forget everything that was seen."""
         self.memory = Memory(
-            np.zeros(STATE_WIDTH),
-            np.zeros((SIDE * SIDE, CELL_WIDTH)),
-            np.zeros((MOST_TRACKS, TRACK_WIDTH)),
-            np.zeros((MOST_SEGMENTS, SEGMENT_WIDTH)),
+            np.zeros(1, MAP_STATE).view(np.float64),
+            np.zeros(SIDE * SIDE, CELL_STATE).view(np.float64),
+            np.zeros(MOST_TRACKS, FOLLOWED).view(np.float64),
+            np.zeros(MOST_SEGMENTS, GROUP).view(np.float64),
             np.zeros(SYSTEM),
         )
         self._last: tuple[float, Pose] | None = None
@@ -260,7 +244,7 @@ class Perception:
         if self._has_jumped(time, pose):
             self.reset()
         begin = arc(*pose, *velocity, middle - time)
-        self._devices[sensor], device.rows[:, RANGE] = device, seen
+        self._devices[sensor], device.rows["range"] = device, seen
         self._scan = device.scan(middle, begin, velocity, abs(lidar.sweep))
         perceive(self.memory, self._scan, self.model)
         self._last, self._stamps[sensor] = (time, pose), time
@@ -339,7 +323,7 @@ class Perception:
         time, pose = as_number(time, "time"), as_pose(odometry, "odometry")
         if self._scan is None:
             return NO_OBSTACLES
-        most = len(self._scan.rows) + SIDE * SIDE
+        most = len(self._scan.beams) + SIDE * SIDE
         if len(self._found.points) < most:
             self._found = self._found._replace(points=np.zeros((most, 2)))
         points, discs = obstacles_at(
@@ -354,28 +338,32 @@ class Perception:
 
     def explain(self) -> Explanation:
         """Return what is known after the last scan, for display."""
-        state, cells = self.memory.state, self.memory.cells
+        memory = self.memory
+        (state,), cells = memory.state.view(MAP_STATE), memory.cells.view(CELL_STATE)
         pose = (0.0, 0.0, 0.0) if self._last is None else self._last[1]
         tracks = tuple(
             Track(
-                int(t[NAME]),
-                (float(t[TRACK_X]), float(t[TRACK_Y])),
-                (float(t[TRACK_V_X]), float(t[TRACK_V_Y])),
-                math.sqrt(t[P_VV]),
-                max(float(t[COVER]), self.settings.radius),
-                bool(t[CONFIRMED]),
+                int(t.name),
+                (float(t.x), float(t.y)),
+                (float(t.v_x), float(t.v_y)),
+                math.sqrt(t.p_vv),
+                max(float(t.cover), self.settings.radius),
+                bool(t.confirmed),
             )
-            for t in self.memory.tracks[: int(state[TRACKS])]
+            for t in memory.tracks.view(FOLLOWED)[: state.tracks]
         )
-        points = cells[cells[:, LIVES] > 0.0][:, [POINT_X, POINT_Y]]
-        kind = np.where(cells[:, FREE_COUNT] > 0.0, 0, -1)
-        kind = np.where(cells[:, EVER_FREE] > 0.0, 1, kind)
-        kind = np.where(cells[:, LIVES] > 0.0, 100, kind).astype(np.int8)
-        low = int(state[MIDDLE_I]) - HALF, int(state[MIDDLE_J]) - HALF
+        held = cells["lives"] > 0
+        points = np.column_stack([cells["x"][held], cells["y"][held]])
+        kind = np.where(cells["free_count"] > 0, 0, -1)
+        kind = np.where(cells["ever_free"] > 0, 1, kind)
+        kind = np.where(held, 100, kind).astype(np.int8)
+        low = int(state.middle_i) - HALF, int(state.middle_j) - HALF
         order = (np.arange(SIDE) + low[0]) % SIDE, (np.arange(SIDE) + low[1]) % SIDE
         grid = kind.reshape(SIDE, SIDE)[np.ix_(*order)].T
         origin = (CELL * low[0], CELL * low[1])
-        return Explanation(corrected(state, pose), tracks, points, grid, origin, CELL)
+        return Explanation(
+            corrected(memory.state, pose), tracks, points, grid, origin, CELL
+        )
 
 
 def virtual_ranges(lidar: Lidar, points: npt.ArrayLike) -> Array:

@@ -8,27 +8,55 @@ import math
 from typing import NamedTuple
 
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.perception.local_map import CELL, Cell, is_ever_free
-from qpavoid.types import Array, Pose
+from qpavoid.perception.local_map import (
+    CELL,
+    Cell,
+    is_ever_free,
+)
+from qpavoid.types import Array, Pose, Table, layout
 
-(
-    RANGE,  # m; inf: no echo; NaN: unknown
-    FROM_X,  # of the sensor at the time of the beam, m
-    FROM_Y,
-    COS,  # of the direction of the beam
-    SIN,
-    ECHO_X,  # of the echo, m
-    ECHO_Y,
-    AFTER,  # s from the time of the scan to that of the beam
-    OPEN,  # 1: the echo is in ever-free space
-    BEAM_TRACK,  # row of the confirmed track that it is near; −1: none
-    BEAM_SEGMENT,  # number of its segment; −1: none
-    CLAIMED,  # 1: the echo belongs to a confirmed track
-    ECHO_BEAM,  # of row k: the beam of the k-th echo
-    SURFACE_X,  # of the surface; 0, 0: unknown
-    SURFACE_Y,
-) = range(15)
-SCAN_WIDTH = 15
+
+class Ray(NamedTuple):
+    """A beam of a scan, map frame.
+
+    Attributes:
+        range: m; inf: no echo; NaN: unknown.
+        from_x: Of the sensor at the time of the beam, m.
+        from_y: Of it, m.
+        cos: Of the direction of the beam.
+        sin: Of it.
+        x: Of the echo, m.
+        y: Of the echo, m.
+        after: s from the time of the scan to that of the beam.
+        n_x: Unit normal of the surface at the echo; 0, 0: unknown.
+        n_y: Of it.
+        open: 1: the echo is in ever-free space.
+        track: Row of the confirmed track that it is near; −1: none.
+        segment: Number of its segment; −1: none.
+        claimed: 1: the echo belongs to a confirmed track.
+        echo: Of row k: the beam of the k-th echo.
+    """
+
+    range: float
+    from_x: float
+    from_y: float
+    cos: float
+    sin: float
+    x: float
+    y: float
+    after: float
+    n_x: float
+    n_y: float
+    open: int
+    track: int
+    segment: int
+    claimed: int
+    echo: int
+
+
+RAY = layout(Ray)
+RAY_SIZE = RAY.itemsize // 8
+"""Layout of a scan, and numbers of memory per beam."""
 
 BEAM_COS, BEAM_SIN, BEAM_SHARE, BEAM_AFTER = range(4)
 """Columns of beams: direction in the sensor frame; when a beam is taken, as a share of
@@ -76,7 +104,7 @@ class Sensor(NamedTuple):
 
 
 @compiled_once
-def judge_no_echo(scan: Array, sensor: Sensor, counts: Array) -> None:
+def judge_no_echo(scan: Table, sensor: Sensor, counts: Array) -> None:
     """Make beams without an echo unknown (NaN) where they cannot be taken for free.
 
     Between two echoes at about one range there is a surface; a beam there without an
@@ -85,29 +113,29 @@ def judge_no_echo(scan: Array, sensor: Sensor, counts: Array) -> None:
     """
     n, far = scan.shape[0], False
     for k in range(n):
-        far = far or FAR_ECHO * sensor.range_max < scan[k, RANGE] < math.inf
+        far = far or FAR_ECHO * sensor.range_max < scan[k].range < math.inf
     counts[0], counts[1] = TRIPLES_KEPT * counts[0], TRIPLES_KEPT * counts[1]
     for k in range(1, n - 1):
-        left, right = scan[k - 1, RANGE], scan[k + 1, RANGE]
+        left, right = scan[k - 1].range, scan[k + 1].range
         if left < math.inf and right < math.inf and abs(left - right) < TRIPLE_ALIKE:
             counts[0] += 1.0
-            counts[1] += 1.0 if scan[k, RANGE] == math.inf else 0.0
+            counts[1] += 1.0 if scan[k].range == math.inf else 0.0
     trusted = far and counts[0] >= LEAST_TRIPLES and counts[1] <= LOST * counts[0]
     if sensor.no_echo == NO_ECHO_FREE or (sensor.no_echo == 0.0 and trusted):
         return
     for k in range(n):
-        if scan[k, RANGE] == math.inf:
-            scan[k, RANGE] = math.nan
+        if scan[k].range == math.inf:
+            scan[k].range = math.nan
 
 
 @compiled_once
 def place_echoes(
-    scan: Array, beams: Array, sensor: Sensor, begin: Pose, motion: Pose
+    scan: Table, beams: Array, sensor: Sensor, begin: Pose, motion: Pose
 ) -> int:
     """Bring the beams into the map frame; return the number of echoes.
 
     Args:
-        scan: Its column RANGE is given.
+        scan: Its ranges are given.
         beams: (n, BEAM_WIDTH).
         sensor: LiDAR.
         begin: Pose of the robot at share 0.
@@ -119,76 +147,75 @@ def place_echoes(
         heading = begin[2] + share * motion[2]
         cos, sin = math.cos(heading), math.sin(heading)
         ahead, left, turned = sensor.mount
-        one[FROM_X] = begin[0] + share * motion[0] + cos * ahead - sin * left
-        one[FROM_Y] = begin[1] + share * motion[1] + sin * ahead + cos * left
+        one.from_x = begin[0] + share * motion[0] + cos * ahead - sin * left
+        one.from_y = begin[1] + share * motion[1] + sin * ahead + cos * left
         cos, sin = math.cos(heading + turned), math.sin(heading + turned)
-        one[COS] = cos * beams[k, BEAM_COS] - sin * beams[k, BEAM_SIN]
-        one[SIN] = sin * beams[k, BEAM_COS] + cos * beams[k, BEAM_SIN]
-        one[CLAIMED], one[OPEN] = 0.0, 0.0
-        one[BEAM_SEGMENT], one[BEAM_TRACK] = -1.0, -1.0
-        one[AFTER] = beams[k, BEAM_AFTER]
-        if one[RANGE] < math.inf:
-            one[ECHO_X] = one[FROM_X] + one[RANGE] * one[COS]
-            one[ECHO_Y] = one[FROM_Y] + one[RANGE] * one[SIN]
-            scan[count, ECHO_BEAM] = k
+        one.cos = cos * beams[k, BEAM_COS] - sin * beams[k, BEAM_SIN]
+        one.sin = sin * beams[k, BEAM_COS] + cos * beams[k, BEAM_SIN]
+        one.claimed, one.open, one.segment, one.track = 0, 0, -1, -1
+        one.after = beams[k, BEAM_AFTER]
+        if one.range < math.inf:
+            one.x = one.from_x + one.range * one.cos
+            one.y = one.from_y + one.range * one.sin
+            scan[count].echo = k
             count += 1
     return count
 
 
 @compiled_once
 def mark_open(
-    scan: Array, echoes: int, cells: Array, centre: Cell, angle_error: float
+    scan: Table, echoes: int, cells: Table, centre: Cell, angle_error: float
 ) -> None:
     """Mark the echoes in ever-free space; the tolerance grows with the range."""
     for k in range(echoes):
-        one = scan[int(scan[k, ECHO_BEAM])]
-        border = 1 + int(min(one[RANGE] * angle_error / CELL, MOST_BORDER))
-        is_open = is_ever_free(cells, one[ECHO_X], one[ECHO_Y], centre, border)
-        one[OPEN] = 1.0 if is_open else 0.0
+        one = scan[scan[k].echo]
+        border = 1 + int(min(one.range * angle_error / CELL, MOST_BORDER))
+        is_open = is_ever_free(cells, one.x, one.y, centre, border)
+        one.open = 1 if is_open else 0
 
 
 @compiled_once
-def find_normals(scan: Array, sensor: Sensor) -> None:
+def find_normals(scan: Table, sensor: Sensor) -> None:
     """Write the unit normal of the surface at each echo, from a chord around it."""
     n = scan.shape[0]
     for k in range(n):
         one = scan[k]
-        one[SURFACE_X], one[SURFACE_Y] = 0.0, 0.0
-        if not one[RANGE] < math.inf:
+        one.n_x, one.n_y = 0.0, 0.0
+        if not one.range < math.inf:
             continue
-        space = max(one[RANGE] * sensor.step, 1e-3)
+        space = max(one.range * sensor.step, 1e-3)
         wide = int(min(max(math.ceil(CHORD / space), 1.0), MOST_CHORD))
         if sensor.round == 0.0 and (k - wide < 0 or k + wide >= n):
             continue
         a, b = scan[(k - wide) % n], scan[(k + wide) % n]
-        if not (a[RANGE] < math.inf and b[RANGE] < math.inf):
+        if not (a.range < math.inf and b.range < math.inf):
             continue
-        d_x, d_y = b[ECHO_X] - a[ECHO_X], b[ECHO_Y] - a[ECHO_Y]
+        d_x, d_y = b.x - a.x, b.y - a.y
         size = math.hypot(d_x, d_y)
         if not LEAST_CHORD < size < CHORD_GAP + 4.0 * space:
             continue
         n_x, n_y = -d_y / size, d_x / size
-        off = n_x * (one[ECHO_X] - a[ECHO_X]) + n_y * (one[ECHO_Y] - a[ECHO_Y])
+        off = n_x * (one.x - a.x) + n_y * (one.y - a.y)
         if abs(off) < FLAT:
-            one[SURFACE_X], one[SURFACE_Y] = n_x, n_y
+            one.n_x, one.n_y = n_x, n_y
 
 
 @compiled
-def beam_towards(scan: Array, sensor: Sensor, x: float, y: float) -> int:
+def beam_towards(scan: Table, sensor: Sensor, x: float, y: float) -> int:
     """Return the beam that points to a place (m); −1: it is out of view."""
     n, first = scan.shape[0], scan[0]
-    angle = math.atan2(y - first[FROM_Y], x - first[FROM_X])
-    angle += 0.5 * sensor.step - math.atan2(first[SIN], first[COS])
+    angle = math.atan2(y - first.from_y, x - first.from_x)
+    angle += 0.5 * sensor.step - math.atan2(first.sin, first.cos)
     angle -= 2.0 * math.pi * math.floor(angle / (2.0 * math.pi))
     k = math.floor(angle / sensor.step)
     return k if k < n else -1
 
 
 @compiled
-def sees_through(scan: Array, sensor: Sensor, x: float, y: float, more: float) -> bool:
+def sees_through(scan: Table, sensor: Sensor, x: float, y: float, more: float) -> bool:
     """Return whether the beam towards a place is free for ``more`` m beyond it."""
     k = beam_towards(scan, sensor, x, y)
     if k < 0:
         return False
-    far = math.hypot(x - scan[0, FROM_X], y - scan[0, FROM_Y]) + more
-    return bool(scan[k, RANGE] > far and sensor.range_max > far)
+    far = math.hypot(x - scan[0].from_x, y - scan[0].from_y) + more
+    return bool(scan[k].range > far and sensor.range_max > far)

@@ -7,11 +7,10 @@ it began, and has moved farther and faster than noise explains.
 """
 
 import math
+from typing import NamedTuple
 
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.perception.local_map import (
-    FREE_COUNT,
-    SCORE,
     Cell,
     Moment,
     cell_of,
@@ -19,61 +18,68 @@ from qpavoid.perception.local_map import (
     row_of,
 )
 from qpavoid.perception.scan import (
-    BEAM_SEGMENT,
-    BEAM_TRACK,
-    CLAIMED,
-    ECHO_BEAM,
-    ECHO_X,
-    ECHO_Y,
     beam_towards,
     sees_through,
 )
 from qpavoid.perception.segments import (
-    AWAY_X,
-    AWAY_Y,
-    CENTRE_SIGMA,
-    CENTRE_X,
-    CENTRE_Y,
-    CUT,
-    ECHO_COUNT,
-    HIDDEN,
-    LATER,
-    LEFTMOST,
-    MIDDLE_X,
-    MIDDLE_Y,
-    OPEN_SHARE,
-    RIGHTMOST,
-    SEGMENT_EXTENT,
-    SEGMENT_TRACK,
-    SPACE,
     View,
 )
-from qpavoid.types import Array
+from qpavoid.types import Row, Table, layout
 
-(
-    TRACK_X,  # centre of the body, m
-    TRACK_Y,
-    TRACK_V_X,  # its velocity, m/s
-    TRACK_V_Y,
-    P_PP,  # covariance: m², m²/s, m²/s²
-    P_PV,
-    P_VV,
-    LAST_SEEN,  # s, last scan in which it was seen
-    BORN_X,  # where it began, m
-    BORN_Y,
-    SIGHTS,  # scans in which it was seen
-    FAST,  # scans in a row in which its speed exceeded its uncertainty
-    CONFIRMED,  # 1: it is a moving obstacle
-    SIZE,  # m, greatest width
-    STILL_TIME,  # s, for how long it has been slower than SLOW_BODY
-    PASSED,  # scans in a row that saw through it
-    NAME,  # number of the track
-    ECHOES,  # mean number of echoes
-    COVER,  # m, radius about the centre that holds its echoes
-    PARTS,  # segments given to it in this scan
-    NARROW,  # 1: the first of them is narrower than a body
-) = range(21)
-TRACK_WIDTH = 21
+
+class Followed(NamedTuple):
+    """A track.
+
+    Attributes:
+        x: Centre of the body, m.
+        y: Of it, m.
+        v_x: Its velocity, m/s.
+        v_y: Of it, m/s.
+        p_pp: Covariance of position, m²,
+        p_pv: of position and velocity, m²/s,
+        p_vv: of velocity, m²/s².
+        last_seen: s, last scan in which it was seen.
+        born_x: Where it began, m.
+        born_y: Of it, m.
+        size: Greatest width, m.
+        still_time: s, for how long it has been slower than :data:`SLOW_BODY`.
+        echoes: Mean number of echoes.
+        cover: Radius about the centre that holds its echoes, m.
+        sights: Scans in which it was seen.
+        fast: Scans in a row in which its speed exceeded its uncertainty.
+        confirmed: 1: it is a moving obstacle.
+        passed: Scans in a row that saw through it.
+        name: Number of the track; −1: none yet.
+        parts: Segments given to it in this scan.
+        narrow: 1: the first of them is narrower than a body.
+    """
+
+    x: float
+    y: float
+    v_x: float
+    v_y: float
+    p_pp: float
+    p_pv: float
+    p_vv: float
+    last_seen: float
+    born_x: float
+    born_y: float
+    size: float
+    still_time: float
+    echoes: float
+    cover: float
+    sights: int
+    fast: int
+    confirmed: int
+    passed: int
+    name: int
+    parts: int
+    narrow: int
+
+
+FOLLOWED = layout(Followed)
+TRACK_SIZE = FOLLOWED.itemsize // 8
+"""Layout of the table of tracks, and numbers of memory per track."""
 
 MOST_TRACKS = 64
 """More are not begun; their echoes stay points."""
@@ -94,7 +100,7 @@ FIT_ROUNDS, FIT_WEIGHT, FIT_SHIFT = 3, 0.0125, 0.25
 """Of the fit of a circle: iterations, weight of the first guess per echo, and the
 greatest distance from it, m."""
 
-FIT_COUNT = 5.0
+FIT_COUNT = 5
 """Echoes from which a circle is fitted."""
 
 GATE, GATE_SIGMA, GATE_SPEED = 0.35, 0.4, 1.5
@@ -115,10 +121,10 @@ NEAR_TRACK, DOUBLE, CLAIM = 0.45, 0.25, 0.08
 SLOW_BODY, SURE, TRAVEL = 0.15, 1.2, 0.25
 """m/s, σ of the velocity, and m that a confirmed track exceeds."""
 
-LEAST_SIGHTS, LEAST_SHARE, LEAST_ECHOES = 3.0, 0.3, 1.4
+LEAST_SIGHTS, LEAST_SHARE, LEAST_ECHOES = 3, 0.3, 1.4
 """Of a confirmed track: scans; share in ever-free space; mean number of echoes."""
 
-LEFT_TRAVEL, LEFT_QUICK, LEFT_SCORE = 0.5, 5.0, 0.5
+LEFT_TRAVEL, LEFT_QUICK, LEFT_SCORE = 0.5, 5, 0.5
 """m and fast scans in a row that confirm a body outside of ever-free space, and the
 score (s) of the place where it began, which has been seen through since then."""
 
@@ -126,53 +132,53 @@ COAST, NEW_COAST, UNSEEN_COAST, MOST_STILL = 1.0, 0.35, 4.0, 30.0
 """s for which an unseen track is kept: confirmed, new, confirmed and outside of the
 field of view; s at rest after which a confirmed track becomes points."""
 
-PASSES, MOST_PASSED = 0.4, 3.0
+PASSES, MOST_PASSED = 0.4, 3
 """m by which a beam passes a track; scans in a row after which it is dropped."""
 
 
 @compiled
-def predict(track: Array, dt: float, acceleration: float) -> None:
+def predict(track: Row, dt: float, acceleration: float) -> None:
     """Predict a track over dt (s) with white acceleration (m/s²)."""
     t, pushed = track, (acceleration * dt) ** 2
-    t[TRACK_X] += dt * t[TRACK_V_X]
-    t[TRACK_Y] += dt * t[TRACK_V_Y]
-    t[P_PP] += dt * (2.0 * t[P_PV] + dt * (t[P_VV] + pushed / 3.0))
-    t[P_PV] += dt * (t[P_VV] + 0.5 * pushed)
-    t[P_VV] += pushed
-    t[PARTS] = 0.0
+    t.x += dt * t.v_x
+    t.y += dt * t.v_y
+    t.p_pp += dt * (2.0 * t.p_pv + dt * (t.p_vv + pushed / 3.0))
+    t.p_pv += dt * (t.p_vv + 0.5 * pushed)
+    t.p_vv += pushed
+    t.parts = 0
 
 
 @compiled
-def correct(track: Array, x: float, y: float, sigma: float) -> None:
+def correct(track: Row, x: float, y: float, sigma: float) -> None:
     """Correct a track by a position with its σ, m."""
     t, noise = track, sigma * sigma
-    total = t[P_PP] + noise
-    gain, gain_v = t[P_PP] / total, t[P_PV] / total
-    d_x, d_y = x - t[TRACK_X], y - t[TRACK_Y]
-    t[TRACK_X] += gain * d_x
-    t[TRACK_Y] += gain * d_y
-    t[TRACK_V_X] += gain_v * d_x
-    t[TRACK_V_Y] += gain_v * d_y
-    t[P_VV] = max(t[P_VV] - gain_v * t[P_PV], 1e-6)
-    t[P_PP], t[P_PV] = gain * noise, gain_v * noise
+    total = t.p_pp + noise
+    gain, gain_v = t.p_pp / total, t.p_pv / total
+    d_x, d_y = x - t.x, y - t.y
+    t.x += gain * d_x
+    t.y += gain * d_y
+    t.v_x += gain_v * d_x
+    t.v_y += gain_v * d_y
+    t.p_vv = max(t.p_vv - gain_v * t.p_pv, 1e-6)
+    t.p_pp, t.p_pv = gain * noise, gain_v * noise
 
 
 @compiled_once
-def mark_beside(view: View, tracks: Array, count: int) -> None:
+def mark_beside(view: View, tracks: Table, count: int) -> None:
     """Write for each echo the confirmed track that it is nearest to, if it is near."""
     for k in range(view.echoes):
-        one = view.scan[int(view.scan[k, ECHO_BEAM])]
+        one = view.scan[view.scan[k].echo]
         best = NEAR_TRACK
         for a in range(count):
             t = tracks[a]
-            apart = math.hypot(one[ECHO_X] - t[TRACK_X], one[ECHO_Y] - t[TRACK_Y])
-            if t[CONFIRMED] > 0.0 and apart < best:
-                best, one[BEAM_TRACK] = apart, a
+            apart = math.hypot(one.x - t.x, one.y - t.y)
+            if t.confirmed > 0 and apart < best:
+                best, one.track = apart, a
 
 
 @compiled_once
 def find_centre(
-    view: View, segment: Array, group: int, width: float, radius: float
+    view: View, segment: Row, group: int, width: float, radius: float
 ) -> None:
     """Write the centre of a segment's body and its σ.
 
@@ -182,24 +188,24 @@ def find_centre(
     """
     s = segment
     if width < THIN:
-        s[CENTRE_X] = s[MIDDLE_X] + BEHIND_SHIN * s[AWAY_X]
-        s[CENTRE_Y] = s[MIDDLE_Y] + BEHIND_SHIN * s[AWAY_Y]
-        s[CENTRE_SIGMA] = SHIN_SIGMA
+        s.centre_x = s.mean_x + BEHIND_SHIN * s.away_x
+        s.centre_y = s.mean_y + BEHIND_SHIN * s.away_y
+        s.sigma = SHIN_SIGMA
         return
-    r, aside = min(radius, 0.5 * (width + s[SPACE])), 0.0
-    if s[LEFTMOST] - s[RIGHTMOST] < 2.0 * r - PART_HIDDEN:
-        if s[HIDDEN] == 1.0:
-            aside = s[LEFTMOST] - r
-        elif s[HIDDEN] == 2.0:
-            aside = s[RIGHTMOST] + r
-    x = s[MIDDLE_X] + ARC * r * s[AWAY_X] - aside * s[AWAY_Y]
-    y = s[MIDDLE_Y] + ARC * r * s[AWAY_Y] + aside * s[AWAY_X]
-    s[CENTRE_X], s[CENTRE_Y] = x, y
-    s[CENTRE_SIGMA] = BODY_SIGMA if s[CUT] == 0.0 else SHIN_SIGMA
-    if s[ECHO_COUNT] >= FIT_COUNT and s[SEGMENT_EXTENT] > THIN:
-        f_x, f_y = fit_circle(view, group, r, (x, y), FIT_WEIGHT * s[ECHO_COUNT])
+    r, aside = min(radius, 0.5 * (width + s.space)), 0.0
+    if s.left - s.right < 2.0 * r - PART_HIDDEN:
+        if s.hidden == 1:
+            aside = s.left - r
+        elif s.hidden == 2:
+            aside = s.right + r
+    x = s.mean_x + ARC * r * s.away_x - aside * s.away_y
+    y = s.mean_y + ARC * r * s.away_y + aside * s.away_x
+    s.centre_x, s.centre_y = x, y
+    s.sigma = BODY_SIGMA if s.cut == 0 else SHIN_SIGMA
+    if s.echoes >= FIT_COUNT and s.extent > THIN:
+        f_x, f_y = fit_circle(view, group, r, (x, y), FIT_WEIGHT * s.echoes)
         if math.hypot(f_x - x, f_y - y) < FIT_SHIFT:
-            s[CENTRE_X], s[CENTRE_Y] = f_x, f_y
+            s.centre_x, s.centre_y = f_x, f_y
 
 
 @compiled_once
@@ -212,9 +218,9 @@ def fit_circle(
         xx, xy, yy = weight, 0.0, weight
         b_x, b_y = weight * (x - guess[0]), weight * (y - guess[1])
         for k in range(view.echoes):
-            one = view.scan[int(view.scan[k, ECHO_BEAM])]
-            if one[BEAM_SEGMENT] == group:
-                e_x, e_y = x - one[ECHO_X], y - one[ECHO_Y]
+            one = view.scan[view.scan[k].echo]
+            if one.segment == group:
+                e_x, e_y = x - one.x, y - one.y
                 size = max(math.hypot(e_x, e_y), 1e-6)
                 j_x, j_y = e_x / size, e_y / size
                 xx, xy, yy = xx + j_x * j_x, xy + j_x * j_y, yy + j_y * j_y
@@ -226,146 +232,138 @@ def fit_circle(
 
 
 @compiled
-def apart_of(track: Array, segment: Array) -> float:
+def apart_of(track: Row, segment: Row) -> float:
     """Return the distance of a segment's body from a track, m."""
     s, t = segment, track
-    return math.hypot(s[CENTRE_X] - t[TRACK_X], s[CENTRE_Y] - t[TRACK_Y])
+    return math.hypot(s.centre_x - t.x, s.centre_y - t.y)
 
 
 @compiled_once
 def associate(
-    tracks: Array, count: int, segments: Array, found: int, dt: float
+    tracks: Table, count: int, segments: Table, found: int, dt: float
 ) -> None:
     """Give segments to tracks: the nearest pair within its gate first."""
     for _ in range(min(count, found)):
         best, pick, to = math.inf, -1, -1
         for a in range(count):
             t = tracks[a]
-            new = t[CONFIRMED] == 0.0
-            gate = GATE + min(2.0 * math.sqrt(t[P_PP]), GATE_SIGMA)
+            new = t.confirmed == 0
+            gate = GATE + min(2.0 * math.sqrt(t.p_pp), GATE_SIGMA)
             gate += GATE_SPEED * dt if new else 0.0
-            for b in range(found if t[PARTS] == 0.0 else 0):
+            for b in range(found if t.parts == 0 else 0):
                 s = segments[b]
                 cost = apart_of(t, s) + (NEW_COST if new else 0.0)
-                cost += SHUT_COST if s[OPEN_SHARE] < LEAST_SHARE else 0.0
-                if s[SEGMENT_TRACK] < 0.0 and cost < min(gate, best):
+                cost += SHUT_COST if s.open_share < LEAST_SHARE else 0.0
+                if s.track < 0 and cost < min(gate, best):
                     best, pick, to = cost, b, a
         if pick < 0:
             break
-        segments[pick, SEGMENT_TRACK], tracks[to, PARTS] = to, 1.0
-        tracks[to, NARROW] = 1.0 if segments[pick, SEGMENT_EXTENT] < LEG_WIDTH else 0.0
+        segments[pick].track, tracks[to].parts = to, 1
+        tracks[to].narrow = 1 if segments[pick].extent < LEG_WIDTH else 0
     add_legs(tracks, count, segments, found)
 
 
 @compiled_once
-def add_legs(tracks: Array, count: int, segments: Array, found: int) -> None:
+def add_legs(tracks: Table, count: int, segments: Table, found: int) -> None:
     """Give a narrow segment that is left to the track of the other shin beside it."""
     for b in range(found):
         s = segments[b]
-        if s[SEGMENT_TRACK] >= 0.0 or s[SEGMENT_EXTENT] >= LEG_WIDTH:
+        if s.track >= 0 or s.extent >= LEG_WIDTH:
             continue
         best, to = LEG_APART, -1
         for a in range(count):
             if apart_of(tracks[a], s) < best:
                 best, to = apart_of(tracks[a], s), a
-        if to >= 0 and tracks[to, PARTS] > 0.0 and tracks[to, NARROW] > 0.0:
-            s[SEGMENT_TRACK] = to
-            tracks[to, PARTS] += 1.0
+        if to >= 0 and tracks[to].parts > 0 and tracks[to].narrow > 0:
+            s.track = to
+            tracks[to].parts += 1
 
 
 @compiled_once
 def measure(
-    view: View, segments: Array, found: int, track: Array, row: int, radius: float
+    view: View, segments: Table, found: int, track: Row, row: int, radius: float
 ) -> tuple[float, float]:
     """Correct a track by its segments; return their echoes and greatest open share."""
     t, x, y, sigma, total, share = track, 0.0, 0.0, 0.0, 0.0, 0.0
     for b in range(found):
-        if segments[b, SEGMENT_TRACK] == row:
-            t[SIZE] = max(t[SIZE], segments[b, SEGMENT_EXTENT])
+        if segments[b].track == row:
+            t.size = max(t.size, segments[b].extent)
     for b in range(found):
         s = segments[b]
-        if s[SEGMENT_TRACK] == row:
-            find_centre(view, s, b, t[SIZE] if t[PARTS] == 1.0 else 0.0, radius)
+        if s.track == row:
+            find_centre(view, s, b, t.size if t.parts == 1 else 0.0, radius)
             # Brought to the time of the scan.
-            x += s[CENTRE_X] - t[TRACK_V_X] * s[LATER]
-            y += s[CENTRE_Y] - t[TRACK_V_Y] * s[LATER]
-            sigma, total = max(sigma, s[CENTRE_SIGMA]), total + s[ECHO_COUNT]
-            share = max(share, s[OPEN_SHARE])
-    sigma = PAIR_SIGMA if t[PARTS] > 1.0 else sigma
-    correct(t, x / t[PARTS], y / t[PARTS], sigma)
+            x += s.centre_x - t.v_x * s.later
+            y += s.centre_y - t.v_y * s.later
+            sigma, total = max(sigma, s.sigma), total + s.echoes
+            share = max(share, s.open_share)
+    sigma = PAIR_SIGMA if t.parts > 1 else sigma
+    correct(t, x / t.parts, y / t.parts, sigma)
     return total, share
 
 
 @compiled_once
-def confirm(
-    track: Array, echoes: float, share: float, cells: Array, now: Moment
-) -> None:
+def confirm(track: Row, echoes: float, share: float, cells: Table, now: Moment) -> None:
     """Note that a track was seen; confirm it, or end it as a body at rest."""
     t = track
-    t[SIGHTS] += 1.0
-    t[LAST_SEEN], t[PASSED] = now.time, 0.0
-    t[ECHOES] += 0.3 * (echoes - t[ECHOES])
-    speed = math.hypot(t[TRACK_V_X], t[TRACK_V_Y])
-    t[FAST] = t[FAST] + 1.0 if speed > max(2.0 * math.sqrt(t[P_VV]), SLOW_BODY) else 0.0
-    moved = math.hypot(t[TRACK_X] - t[BORN_X], t[TRACK_Y] - t[BORN_Y])
-    known = t[SIGHTS] >= LEAST_SIGHTS and t[ECHOES] >= LEAST_ECHOES
-    moves = moved > TRAVEL and speed > max(SLOW_BODY, SURE * math.sqrt(t[P_VV]))
+    t.sights += 1
+    t.last_seen, t.passed = now.time, 0
+    t.echoes += 0.3 * (echoes - t.echoes)
+    speed = math.hypot(t.v_x, t.v_y)
+    t.fast = t.fast + 1 if speed > max(2.0 * math.sqrt(t.p_vv), SLOW_BODY) else 0
+    moved = math.hypot(t.x - t.born_x, t.y - t.born_y)
+    known = t.sights >= LEAST_SIGHTS and t.echoes >= LEAST_ECHOES
+    moves = moved > TRAVEL and speed > max(SLOW_BODY, SURE * math.sqrt(t.p_vv))
     opened = share > LEAST_SHARE
-    if not opened and moved > LEFT_TRAVEL and t[FAST] >= LEFT_QUICK:
-        cell = cells[row_of(cell_of(t[BORN_X]), cell_of(t[BORN_Y]))]
-        opened = cell[FREE_COUNT] >= 2.0 and cell[SCORE] < LEFT_SCORE
+    if not opened and moved > LEFT_TRAVEL and t.fast >= LEFT_QUICK:
+        cell = cells[row_of(cell_of(t.born_x), cell_of(t.born_y))]
+        opened = cell.free_count >= 2 and cell.score < LEFT_SCORE
     if known and opened and moves:
-        t[CONFIRMED] = 1.0
-    t[STILL_TIME] = t[STILL_TIME] + now.dt if speed < SLOW_BODY else 0.0
-    if t[CONFIRMED] > 0.0 and t[STILL_TIME] > MOST_STILL:
-        t[CONFIRMED], t[SIGHTS], t[FAST], t[STILL_TIME] = 0.0, 1.0, 0.0, 0.0
-        t[BORN_X], t[BORN_Y] = t[TRACK_X], t[TRACK_Y]
+        t.confirmed = 1
+    t.still_time = t.still_time + now.dt if speed < SLOW_BODY else 0.0
+    if t.confirmed > 0 and t.still_time > MOST_STILL:
+        t.confirmed, t.sights, t.fast, t.still_time = 0, 1, 0, 0.0
+        t.born_x, t.born_y = t.x, t.y
 
 
 @compiled_once
 def claim(
-    view: View, segments: Array, tracks: Array, count: int, radius: float
+    view: View, segments: Table, tracks: Table, count: int, radius: float
 ) -> None:
     """Mark the echoes of the segments of confirmed tracks; write the tracks' COVER."""
     for a in range(count):
-        if tracks[a, PARTS] > 0.0:
-            tracks[a, COVER] = radius
+        if tracks[a].parts > 0:
+            tracks[a].cover = radius
     for k in range(view.echoes):
-        one = view.scan[int(view.scan[k, ECHO_BEAM])]
-        row = (
-            int(segments[int(one[BEAM_SEGMENT]), SEGMENT_TRACK])
-            if one[BEAM_SEGMENT] >= 0.0
-            else -1
-        )
-        if row >= 0 and tracks[row, CONFIRMED] > 0.0:
+        one = view.scan[view.scan[k].echo]
+        row = segments[one.segment].track if one.segment >= 0 else -1
+        if row >= 0 and tracks[row].confirmed > 0:
             t = tracks[row]
-            one[CLAIMED] = 1.0
-            apart = math.hypot(one[ECHO_X] - t[TRACK_X], one[ECHO_Y] - t[TRACK_Y])
-            t[COVER] = max(t[COVER], apart)
+            one.claimed = 1
+            apart = math.hypot(one.x - t.x, one.y - t.y)
+            t.cover = max(t.cover, apart)
 
 
 @compiled_once
 def claim_around(
-    view: View, tracks: Array, count: int, cells: Array, centre: Cell, time: float
+    view: View, tracks: Table, count: int, cells: Table, centre: Cell, time: float
 ) -> None:
     """Mark other echoes around confirmed tracks, but those of known obstacles."""
     for k in range(view.echoes):
-        one = view.scan[int(view.scan[k, ECHO_BEAM])]
-        for a in range(count if one[CLAIMED] == 0.0 else 0):
+        one = view.scan[view.scan[k].echo]
+        for a in range(count if one.claimed == 0 else 0):
             t = tracks[a]
-            apart = math.hypot(one[ECHO_X] - t[TRACK_X], one[ECHO_Y] - t[TRACK_Y])
-            own = (
-                t[CONFIRMED] > 0.0 and t[LAST_SEEN] == time and apart < t[COVER] + CLAIM
-            )
-            if own and is_ever_free(cells, one[ECHO_X], one[ECHO_Y], centre, 0):
-                one[CLAIMED] = 1.0
-                t[COVER] = max(t[COVER], apart)
+            apart = math.hypot(one.x - t.x, one.y - t.y)
+            own = t.confirmed > 0 and t.last_seen == time and apart < t.cover + CLAIM
+            if own and is_ever_free(cells, one.x, one.y, centre, 0):
+                one.claimed = 1
+                t.cover = max(t.cover, apart)
                 break
 
 
 @compiled_once
 def begin_tracks(
-    tracks: Array, count: int, segments: Array, found: int, time: float
+    tracks: Table, count: int, segments: Table, found: int, time: float
 ) -> int:
     """Begin tracks of segments that no track has; return the number of tracks.
 
@@ -373,72 +371,63 @@ def begin_tracks(
     """
     for b in range(found):
         s = segments[b]
-        if s[SEGMENT_TRACK] >= 0.0 or count >= MOST_TRACKS:
+        if s.track >= 0 or count >= MOST_TRACKS:
             continue
-        t, x, y, other = tracks[count], s[CENTRE_X], s[CENTRE_Y], -1
-        best = PAIR_APART if s[SEGMENT_EXTENT] < THIN else 0.0
+        x, y, other = s.centre_x, s.centre_y, -1
+        best = PAIR_APART if s.extent < THIN else 0.0
         for c in range(b + 1, found):
             o = segments[c]
-            apart = math.hypot(o[CENTRE_X] - x, o[CENTRE_Y] - y)
-            if o[SEGMENT_TRACK] < 0.0 and o[SEGMENT_EXTENT] < THIN and apart < best:
+            apart = math.hypot(o.centre_x - x, o.centre_y - y)
+            if o.track < 0 and o.extent < THIN and apart < best:
                 best, other = apart, c
-        s[SEGMENT_TRACK] = count
+        s.track = count
         if other >= 0:
             o = segments[other]
-            o[SEGMENT_TRACK] = count
-            x, y = 0.5 * (x + o[CENTRE_X]), 0.5 * (y + o[CENTRE_Y])
-        for k in range(TRACK_WIDTH):
-            t[k] = 0.0
-        t[TRACK_X], t[TRACK_Y], t[BORN_X], t[BORN_Y] = x, y, x, y
-        t[P_PP], t[P_VV], t[SIZE] = s[CENTRE_SIGMA] ** 2, 1.0, s[SEGMENT_EXTENT]
-        t[LAST_SEEN], t[SIGHTS], t[ECHOES], t[NAME] = time, 1.0, 1.0, -1.0
+            o.track = count
+            x, y = 0.5 * (x + o.centre_x), 0.5 * (y + o.centre_y)
+        p_pp, z = s.sigma**2, 0.0
+        # fmt: off
+        tracks[count] = Followed(x, y, z, z, p_pp, z, 1.0, time, x, y, s.extent, z, 1.0,
+                                 z, 1, 0, 0, 0, -1, 0, 0)
+        # fmt: on
         count += 1
     return count
 
 
-@compiled
-def move_track(tracks: Array, source: int, target: int) -> None:
-    """Copy a track to another row."""
-    for k in range(TRACK_WIDTH):
-        tracks[target, k] = tracks[source, k]
-
-
 @compiled_once
-def drop_doubles(tracks: Array, count: int) -> int:
+def drop_doubles(tracks: Table, count: int) -> int:
     """Drop the newer or unconfirmed of two tracks of one body; return how many stay."""
     a = 0
     while a < count:
         b = a + 1
         while b < count:
             t, o = tracks[a], tracks[b]
-            if math.hypot(t[TRACK_X] - o[TRACK_X], t[TRACK_Y] - o[TRACK_Y]) >= DOUBLE:
+            if math.hypot(t.x - o.x, t.y - o.y) >= DOUBLE:
                 b += 1
                 continue
-            if o[CONFIRMED] > t[CONFIRMED]:
-                move_track(tracks, b, a)
+            if o.confirmed > t.confirmed:
+                tracks[a] = tracks[b]
             count -= 1
-            move_track(tracks, count, b)
+            tracks[b] = tracks[count]
         a += 1
     return count
 
 
 @compiled_once
-def drop_lost(view: View, tracks: Array, count: int, time: float) -> int:
+def drop_lost(view: View, tracks: Table, count: int, time: float) -> int:
     """Drop tracks that are seen through, or unseen for too long; return the rest."""
     kept = 0
     for a in range(count):
         t = tracks[a]
         keep = True
-        if t[LAST_SEEN] < time:
-            passed = sees_through(
-                view.scan, view.sensor, t[TRACK_X], t[TRACK_Y], PASSES
-            )
-            t[PASSED] += 1.0 if passed else 0.0
-            beam = beam_towards(view.scan, view.sensor, t[TRACK_X], t[TRACK_Y])
+        if t.last_seen < time:
+            passed = sees_through(view.scan, view.sensor, t.x, t.y, PASSES)
+            t.passed += 1 if passed else 0
+            beam = beam_towards(view.scan, view.sensor, t.x, t.y)
             coast = COAST if beam >= 0 else UNSEEN_COAST
-            coast = coast if t[CONFIRMED] > 0.0 else NEW_COAST
-            keep = t[PASSED] < MOST_PASSED and time - t[LAST_SEEN] <= coast + 1e-6
+            coast = coast if t.confirmed > 0 else NEW_COAST
+            keep = t.passed < MOST_PASSED and time - t.last_seen <= coast + 1e-6
         if keep:
-            move_track(tracks, a, kept)
+            tracks[kept] = tracks[a]
             kept += 1
     return kept

@@ -10,17 +10,16 @@ from typing import Annotated, NamedTuple
 
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.model.capsules import CAPSULE_WIDTH, Rigid, Segment, set_capsule
+from qpavoid.model.contact import point_contact
 from qpavoid.model.kinematics import wrap_angle
-from qpavoid.perception.alignment import SYSTEM, align, drop_bodies
+from qpavoid.perception.alignment import (
+    SYSTEM,
+    align,
+    drop_bodies,
+)
 from qpavoid.perception.local_map import (
-    CELL_WIDTH,
-    EVER_FREE,
-    HIT_TIME,
-    HIT_WAY,
-    LIVES,
-    LOOSE,
-    POINT_X,
-    POINT_Y,
+    CELL_SIZE,
+    CELL_STATE,
     SIDE,
     Beam,
     Cell,
@@ -38,17 +37,8 @@ from qpavoid.perception.local_map import (
 )
 from qpavoid.perception.scan import (
     BEAM_WIDTH,
-    CLAIMED,
-    COS,
-    ECHO_BEAM,
-    ECHO_X,
-    ECHO_Y,
-    FROM_X,
-    FROM_Y,
-    OPEN,
-    RANGE,
-    SCAN_WIDTH,
-    SIN,
+    RAY,
+    RAY_SIZE,
     Sensor,
     find_normals,
     judge_no_echo,
@@ -57,24 +47,16 @@ from qpavoid.perception.scan import (
     sees_through,
 )
 from qpavoid.perception.segments import (
+    GROUP,
+    GROUP_SIZE,
     MOST_SEGMENTS,
-    SEGMENT_EXTENT,
-    SEGMENT_WIDTH,
     View,
     find_segments,
 )
 from qpavoid.perception.tracks import (
-    CONFIRMED,
-    COVER,
+    FOLLOWED,
     MOST_TRACKS,
-    NAME,
-    P_VV,
-    PARTS,
-    TRACK_V_X,
-    TRACK_V_Y,
-    TRACK_WIDTH,
-    TRACK_X,
-    TRACK_Y,
+    TRACK_SIZE,
     associate,
     begin_tracks,
     claim,
@@ -93,26 +75,51 @@ from qpavoid.types import (
     Matrix,
     MatrixWritten,
     Pose,
+    Row,
     Sizes,
+    Table,
     VectorWritten,
+    layout,
 )
 
-(
-    SCANS,  # taken so far
-    TIME,  # s, of the last one
-    FIX_X,  # correction of the odometry: p_map = R(γ) p_odometry + (x, y)
-    FIX_Y,
-    FIX_TURN,
-    MIDDLE_I,  # cell in the middle of the map
-    MIDDLE_J,
-    DRIVEN,  # m
-    LAST_X,  # odometry at the last scan
-    LAST_Y,
-    LAST_TURN,
-    TRACKS,  # number of tracks
-    NAMES,  # tracks named so far
-) = range(13)
-STATE_WIDTH = 13
+
+class MapState(NamedTuple):
+    """State of perception besides map and tracks.
+
+    Attributes:
+        time: s, of the last scan.
+        fix_x: Correction of the odometry: p_map = R(γ) p_odometry + (x, y), m.
+        fix_y: Of it, m.
+        fix_turn: Its γ, rad.
+        driven: m.
+        last_x: Odometry at the last scan, m.
+        last_y: Of it, m.
+        last_turn: Of it, rad.
+        scans: Taken so far.
+        middle_i: Cell in the middle of the map.
+        middle_j: Of it.
+        tracks: Number of tracks.
+        names: Tracks named so far.
+    """
+
+    time: float
+    fix_x: float
+    fix_y: float
+    fix_turn: float
+    driven: float
+    last_x: float
+    last_y: float
+    last_turn: float
+    scans: int
+    middle_i: int
+    middle_j: int
+    tracks: int
+    names: int
+
+
+MAP_STATE = layout(MapState)
+STATE_SIZE = MAP_STATE.itemsize // 8
+"""Layout of the state, and its numbers of memory."""
 
 FIRST_DT = 0.1
 """s; stands for the time before the first scan."""
@@ -132,17 +139,17 @@ class Memory(NamedTuple):
     """State from scan to scan, and workspace.
 
     Attributes:
-        state: (STATE_WIDTH,).
-        cells: (SIDE², CELL_WIDTH) local map.
-        tracks: (MOST_TRACKS, TRACK_WIDTH).
-        segments: (MOST_SEGMENTS, SEGMENT_WIDTH).
+        state: Of :data:`MAP_STATE`.
+        cells: SIDE² of :data:`~qpavoid.perception.local_map.CELL_STATE`.
+        tracks: MOST_TRACKS of :data:`~qpavoid.perception.tracks.FOLLOWED`.
+        segments: MOST_SEGMENTS of :data:`~qpavoid.perception.segments.GROUP`.
         system: (SYSTEM,).
     """
 
-    state: Annotated[VectorWritten, Sizes(STATE_WIDTH)]
-    cells: Annotated[MatrixWritten, Sizes(SIDE * SIDE, CELL_WIDTH)]
-    tracks: Annotated[MatrixWritten, Sizes(MOST_TRACKS, TRACK_WIDTH)]
-    segments: Annotated[MatrixWritten, Sizes(MOST_SEGMENTS, SEGMENT_WIDTH)]
+    state: Annotated[VectorWritten, Sizes(STATE_SIZE)]
+    cells: Annotated[VectorWritten, Sizes(SIDE * SIDE * CELL_SIZE)]
+    tracks: Annotated[VectorWritten, Sizes(MOST_TRACKS * TRACK_SIZE)]
+    segments: Annotated[VectorWritten, Sizes(MOST_SEGMENTS * GROUP_SIZE)]
     system: Annotated[VectorWritten, Sizes(SYSTEM)]
 
 
@@ -150,7 +157,7 @@ class Scan(NamedTuple):
     """A scan as it is given.
 
     Attributes:
-        rows: (n, SCAN_WIDTH), with the ranges.
+        rows: n of :data:`~qpavoid.perception.scan.RAY`, with the ranges.
         beams: (n, BEAM_WIDTH).
         sensor: LiDAR.
         counts: (2,) of :func:`~qpavoid.perception.scan.judge_no_echo`.
@@ -159,7 +166,7 @@ class Scan(NamedTuple):
         motion: Its change until share 1: m, m, rad.
     """
 
-    rows: Annotated[MatrixWritten, Sizes(1, SCAN_WIDTH)]
+    rows: Annotated[VectorWritten, Sizes(RAY_SIZE)]
     beams: Annotated[Matrix, Sizes(1, BEAM_WIDTH)]
     sensor: Sensor
     counts: Annotated[VectorWritten, Sizes(2)]
@@ -188,33 +195,34 @@ class Model(NamedTuple):
 
 @entry
 @compiled
-def corrected(state: Annotated[VectorWritten, Sizes(STATE_WIDTH)], pose: Pose) -> Pose:
-    """Return a pose by odometry in the map frame."""
-    c, s = math.cos(state[FIX_TURN]), math.sin(state[FIX_TURN])
+def corrected(memory: Annotated[VectorWritten, Sizes(STATE_SIZE)], pose: Pose) -> Pose:
+    """Return a pose by odometry in the map frame; ``memory``: the state."""
+    state = memory.view(MAP_STATE)[0]
+    c, s = math.cos(state.fix_turn), math.sin(state.fix_turn)
     x, y = c * pose[0] - s * pose[1], s * pose[0] + c * pose[1]
-    return state[FIX_X] + x, state[FIX_Y] + y, state[FIX_TURN] + pose[2]
+    return state.fix_x + x, state.fix_y + y, state.fix_turn + pose[2]
 
 
 @compiled
-def correct_by(state: Array, robot: Pose, shift: Pose) -> None:
+def correct_by(state: Row, robot: Pose, shift: Pose) -> None:
     """Add a motion about the robot to the correction of the odometry."""
     c, s = math.cos(shift[2]), math.sin(shift[2])
-    x, y = state[FIX_X] - robot[0], state[FIX_Y] - robot[1]
-    state[FIX_X] = robot[0] + shift[0] + c * x - s * y
-    state[FIX_Y] = robot[1] + shift[1] + s * x + c * y
-    state[FIX_TURN] += shift[2]
+    x, y = state.fix_x - robot[0], state.fix_y - robot[1]
+    state.fix_x = robot[0] + shift[0] + c * x - s * y
+    state.fix_y = robot[1] + shift[1] + s * x + c * y
+    state.fix_turn += shift[2]
 
 
 @entry
 @compiled_once
 def _is_scan(memory: Memory, scan: Scan, model: Model) -> bool:
     """Return whether the rows fit the beams, the state is valid and time goes on."""
-    state, n = memory.state, scan.beams.shape[0]
-    valid = 0.0 <= state[TRACKS] <= MOST_TRACKS and state[SCANS] >= 0.0
-    later = state[SCANS] == 0.0 or scan.time >= state[TIME]
-    small = abs(state[MIDDLE_I]) < 1e9 and abs(state[MIDDLE_J]) < 1e9
+    state, n = memory.state.view(MAP_STATE)[0], scan.beams.shape[0]
+    valid = 0 <= state.tracks <= MOST_TRACKS and state.scans >= 0
+    later = state.scans == 0 or scan.time >= state.time
+    small = abs(state.middle_i) < 1e9 and abs(state.middle_j) < 1e9
     near = abs(scan.pose[0]) < 1e7 and abs(scan.pose[1]) < 1e7
-    fits = scan.rows.shape[0] == n and scan.sensor.step > 0.0
+    fits = scan.rows.shape[0] == n * RAY_SIZE and scan.sensor.step > 0.0
     usable: bool = valid and later and small and near and fits and model.radius > 0.0
     return usable
 
@@ -229,93 +237,96 @@ def perceive(memory: Memory, scan: Scan, model: Model) -> int:
         scan: Not older than the one before, of any of the robot's sensors.
         model: Settings.
     """
-    state, cells, rows = memory.state, memory.cells, scan.rows
-    first = state[SCANS] == 0.0
+    state, cells = memory.state.view(MAP_STATE)[0], memory.cells.view(CELL_STATE)
+    rows = scan.rows.view(RAY)
+    first = state.scans == 0
     if first:
         clear_map(cells)
-        state[LAST_X], state[LAST_Y], state[LAST_TURN] = scan.pose
-    robot = corrected(state, scan.pose)
+        state.last_x, state.last_y, state.last_turn = scan.pose
+    robot = corrected(memory.state, scan.pose)
     if first:
-        state[MIDDLE_I], state[MIDDLE_J] = cell_of(robot[0]), cell_of(robot[1])
+        state.middle_i, state.middle_j = cell_of(robot[0]), cell_of(robot[1])
     judge_no_echo(rows, scan.sensor, scan.counts)
-    c, s = math.cos(state[FIX_TURN]), math.sin(state[FIX_TURN])
+    c, s = math.cos(state.fix_turn), math.sin(state.fix_turn)
     m_x, m_y = scan.motion[0], scan.motion[1]
     motion = (c * m_x - s * m_y, s * m_x + c * m_y, scan.motion[2])
     echoes = place_echoes(rows, scan.beams, scan.sensor, robot, motion)
     robot = aligned_pose(memory, scan, robot)
     centre = follow(state, cells, robot)
-    dt = FIRST_DT if first else scan.time - state[TIME]
-    now = Moment(state[SCANS], scan.time, dt, state[DRIVEN])
+    dt = FIRST_DT if first else scan.time - state.time
+    now = Moment(state.scans, scan.time, dt, state.driven)
     mark_open(rows, echoes, cells, centre, scan.sensor.angle_error)
     view = View(rows, echoes, scan.sensor)
     track(memory, view, centre, now, model)
     enter_scan(view, cells, centre, now, model.inner)
     forget(view, cells, now, model)
-    state[SCANS] += 1.0
-    state[TIME] = scan.time
-    state[LAST_X], state[LAST_Y], state[LAST_TURN] = scan.pose
-    return int(state[TRACKS])
+    state.scans += 1
+    state.time = scan.time
+    state.last_x, state.last_y, state.last_turn = scan.pose
+    return int(state.tracks)
 
 
 @compiled_once
 def aligned_pose(memory: Memory, scan: Scan, robot: Pose) -> Pose:
     """Move the scan onto the map; return the corrected pose of the robot."""
-    state, pose = memory.state, scan.pose
-    way = math.hypot(pose[0] - state[LAST_X], pose[1] - state[LAST_Y])
-    turn = abs(wrap_angle(pose[2] - state[LAST_TURN]))
-    state[DRIVEN] += way
-    find_normals(scan.rows, scan.sensor)
-    drop_bodies(scan.rows, memory.tracks, int(state[TRACKS]))
-    centre = (int(state[MIDDLE_I]), int(state[MIDDLE_J]))
-    shift = align(scan.rows, memory.cells, centre, robot, (way, turn), memory.system)
+    state, pose = memory.state.view(MAP_STATE)[0], scan.pose
+    rows, cells = scan.rows.view(RAY), memory.cells.view(CELL_STATE)
+    way = math.hypot(pose[0] - state.last_x, pose[1] - state.last_y)
+    turn = abs(wrap_angle(pose[2] - state.last_turn))
+    state.driven += way
+    find_normals(rows, scan.sensor)
+    drop_bodies(rows, memory.tracks.view(FOLLOWED), state.tracks)
+    centre = (state.middle_i, state.middle_j)
+    shift = align(rows, cells, centre, robot, (way, turn), memory.system)
     correct_by(state, robot, shift)
     return robot[0] + shift[0], robot[1] + shift[1], robot[2] + shift[2]
 
 
 @compiled_once
-def follow(state: Array, cells: Array, robot: Pose) -> Cell:
+def follow(state: Row, cells: Table, robot: Pose) -> Cell:
     """Move the middle of the map to the robot; return its cell."""
     i, j = cell_of(robot[0]), cell_of(robot[1])
-    old_i, old_j = int(state[MIDDLE_I]), int(state[MIDDLE_J])
+    old_i, old_j = state.middle_i, state.middle_j
     if i != old_i:
         roll(cells, old_i, i, False)
     if j != old_j:
         roll(cells, old_j, j, True)
-    state[MIDDLE_I], state[MIDDLE_J] = i, j
+    state.middle_i, state.middle_j = i, j
     return i, j
 
 
 @compiled_once
 def track(memory: Memory, view: View, centre: Cell, now: Moment, model: Model) -> None:
     """Bring the tracks up to a scan, and mark the echoes of confirmed ones."""
-    state, tracks, segments = memory.state, memory.tracks, memory.segments
-    count = int(state[TRACKS])
+    state, cells = memory.state.view(MAP_STATE)[0], memory.cells.view(CELL_STATE)
+    tracks, segments = memory.tracks.view(FOLLOWED), memory.segments.view(GROUP)
+    count = state.tracks
     for a in range(count):
         predict(tracks[a], now.dt, model.acceleration)
     count = drop_doubles(tracks, count)
     mark_beside(view, tracks, count)
     found = find_segments(view, segments)
     for b in range(found):
-        find_centre(view, segments[b], b, segments[b, SEGMENT_EXTENT], model.radius)
+        find_centre(view, segments[b], b, segments[b].extent, model.radius)
     associate(tracks, count, segments, found, now.dt)
     for a in range(count):
-        if tracks[a, PARTS] > 0.0:
+        if tracks[a].parts > 0:
             seen = measure(view, segments, found, tracks[a], a, model.radius)
-            confirm(tracks[a], seen[0], seen[1], memory.cells, now)
+            confirm(tracks[a], seen[0], seen[1], cells, now)
     claim(view, segments, tracks, count, model.radius)
-    claim_around(view, tracks, count, memory.cells, centre, now.time)
+    claim_around(view, tracks, count, cells, centre, now.time)
     count = drop_lost(view, tracks, count, now.time)
     count = begin_tracks(tracks, count, segments, found, now.time)
     for a in range(count):
-        if tracks[a, NAME] < 0.0:
-            tracks[a, NAME] = state[NAMES]
-            state[NAMES] += 1.0
-    state[TRACKS] = count
+        if tracks[a].name < 0:
+            tracks[a].name = state.names
+            state.names += 1
+    state.tracks = count
 
 
 @compiled_once
 def enter_scan(
-    view: View, cells: Array, centre: Cell, now: Moment, inner: float
+    view: View, cells: Table, centre: Cell, now: Moment, inner: float
 ) -> None:
     """Enter a scan into the map: echoes first, then what its beams see through.
 
@@ -324,13 +335,13 @@ def enter_scan(
     rows, sensor = view.scan, view.sensor
     for claimed in range(2):
         for k in range(view.echoes):
-            one = rows[int(rows[k, ECHO_BEAM])]
-            i, j = cell_of(one[ECHO_X]), cell_of(one[ECHO_Y])
-            if one[CLAIMED] != claimed or not holds(centre, i, j, 0):
+            one = rows[rows[k].echo]
+            i, j = cell_of(one.x), cell_of(one.y)
+            if one.claimed != claimed or not holds(centre, i, j, 0):
                 continue
             if claimed == 0:
-                opened = one[OPEN] > 0.0
-                hit(cells[row_of(i, j)], one[ECHO_X], one[ECHO_Y], opened, now)
+                opened = one.open > 0
+                hit(cells[row_of(i, j)], one.x, one.y, opened, now)
             else:
                 occupy(cells[row_of(i, j)], now)
     clear_robot(cells, centre, inner, now)
@@ -343,33 +354,31 @@ def enter_scan(
         free = min(free, free_length(rows[k], sensor)) - ECHO_MARGIN
         if free > 0.0:
             one = rows[k]
-            beam = Beam(one[FROM_X], one[FROM_Y], one[COS], one[SIN], free)
+            beam = Beam(one.from_x, one.from_y, one.cos, one.sin, free)
             trace(cells, beam, centre, now)
 
 
 @compiled
-def free_length(one: Array, sensor: Sensor) -> float:
+def free_length(one: Row, sensor: Sensor) -> float:
     """Return how far a beam is free, m: not at all where its range is unknown."""
-    return min(one[RANGE], sensor.range_max) if one[RANGE] > 0.0 else 0.0
+    return min(one.range, sensor.range_max) if one.range > 0.0 else 0.0
 
 
 @compiled_once
-def forget(view: View, cells: Array, now: Moment, model: Model) -> None:
+def forget(view: View, cells: Table, now: Moment, model: Model) -> None:
     """Drop points out of view that are old, and those that the scan sees through."""
     for row in range(cells.shape[0]):
         cell = cells[row]
-        if cell[LIVES] <= 0.0 or was_hit(cell, now.time, now.number):
+        if cell.lives <= 0 or was_hit(cell, now.time, now.number):
             continue
-        age, way = now.time - cell[HIT_TIME], now.way - cell[HIT_WAY]
+        age, way = now.time - cell.hit_time, now.way - cell.hit_way
         old = age > model.memory and way > model.memory_way
-        loose = cell[LOOSE] > 0.0
+        loose = cell.loose > 0
         if old or age > OLD * model.memory or (loose and age > LOOSE_TIME):
-            cell[LIVES] = 0.0
-        elif sees_through(
-            view.scan, view.sensor, cell[POINT_X], cell[POINT_Y], POINT_PASSED
-        ):
-            at_once = loose or cell[EVER_FREE] > 0.0
-            cell[LIVES] = 0.0 if at_once else cell[LIVES] - 1.0
+            cell.lives = 0
+        elif sees_through(view.scan, view.sensor, cell.x, cell.y, POINT_PASSED):
+            at_once = loose or cell.ever_free > 0
+            cell.lives = 0 if at_once else cell.lives - 1
 
 
 class Found(NamedTuple):
@@ -390,10 +399,11 @@ def _holds_found(
     memory: Memory, scan: Scan, edges: Edges, pose: Pose, time: float, found: Found
 ) -> bool:
     """Return whether the state is valid and all that is written has a row."""
-    count, state = scan.rows.shape[0] + SIDE * SIDE, memory.state
-    valid = 0.0 <= state[TRACKS] <= MOST_TRACKS
+    state, n = memory.state.view(MAP_STATE)[0], scan.beams.shape[0]
+    count = n + SIDE * SIDE
+    valid = 0 <= state.tracks <= MOST_TRACKS
     fits = found.points.shape[0] >= count and found.capsules.shape[0] >= MOST_TRACKS
-    holds_all: bool = valid and fits and scan.rows.shape[0] == scan.beams.shape[0]
+    holds_all: bool = valid and fits and scan.rows.shape[0] == n * RAY_SIZE
     return holds_all
 
 
@@ -412,32 +422,33 @@ def obstacles_at(
         time: s, to which moving obstacles are predicted.
         found: Written.
     """
-    state, cells, rows = memory.state, memory.cells, scan.rows
-    robot, points, count = corrected(state, pose), found.points, 0
+    state, cells = memory.state.view(MAP_STATE)[0], memory.cells.view(CELL_STATE)
+    rows, tracks = scan.rows.view(RAY), memory.tracks.view(FOLLOWED)
+    robot, points, count = corrected(memory.state, pose), found.points, 0
     for k in range(rows.shape[0]):
         one = rows[k]
-        if one[RANGE] < math.inf and one[CLAIMED] == 0.0:
-            count = add_point(points, count, robot, edges, one[ECHO_X], one[ECHO_Y])
+        if one.range < math.inf and one.claimed == 0:
+            count = add_point(points, count, robot, edges, one.x, one.y)
     for row in range(cells.shape[0]):
         cell = cells[row]
-        if cell[LIVES] > 0.0 and not was_hit(cell, state[TIME], state[SCANS] - 1.0):
+        if cell.lives > 0 and not was_hit(cell, state.time, state.scans - 1):
             known = count
-            count = add_point(points, count, robot, edges, cell[POINT_X], cell[POINT_Y])
+            count = add_point(points, count, robot, edges, cell.x, cell.y)
             if count == known:
-                cell[LIVES] = 0.0
+                cell.lives = 0
     discs = 0
     c, s = math.cos(robot[2]), math.sin(robot[2])
-    for a in range(int(state[TRACKS])):
-        t = memory.tracks[a]
-        if t[CONFIRMED] > 0.0:
-            ahead = time - state[TIME]
-            w_x, w_y = t[TRACK_V_X], t[TRACK_V_Y]
-            d_x = t[TRACK_X] + ahead * w_x - robot[0]
-            d_y = t[TRACK_Y] + ahead * w_y - robot[1]
+    for a in range(state.tracks):
+        t = tracks[a]
+        if t.confirmed > 0:
+            ahead = time - state.time
+            w_x, w_y = t.v_x, t.v_y
+            d_x = t.x + ahead * w_x - robot[0]
+            d_y = t.y + ahead * w_y - robot[1]
             x, y = c * d_x + s * d_y, c * d_y - s * d_x
             v_x, v_y = c * w_x + s * w_y, c * w_y - s * w_x
             body = Rigid(
-                t[COVER], v_x, v_y, 0.0, (x, y), count + discs, math.sqrt(t[P_VV])
+                t.cover, v_x, v_y, 0.0, (x, y), count + discs, math.sqrt(t.p_vv)
             )
             set_capsule(found.capsules, discs, Segment(x, y, x, y), body)
             discs += 1
@@ -452,9 +463,7 @@ def add_point(
     c, s = math.cos(robot[2]), math.sin(robot[2])
     d_x, d_y = x - robot[0], y - robot[1]
     p_x, p_y = c * d_x + s * d_y, c * d_y - s * d_x
-    for k in range(edges.shape[0]):
-        a_x, a_y = p_x - edges[k, 0], p_y - edges[k, 1]
-        if a_x * edges[k, 2] + a_y * edges[k, 3] > 0.0:
-            points[count, 0], points[count, 1] = p_x, p_y
-            return count + 1
-    return count
+    if point_contact(edges, p_x, p_y).distance <= 0.0:
+        return count
+    points[count, 0], points[count, 1] = p_x, p_y
+    return count + 1

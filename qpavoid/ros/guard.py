@@ -111,7 +111,7 @@ class Wiring(NamedTuple):
         costmap_s: Greatest age of it.
         footprint: Of ``PolygonStamped``, in the base frame or one by tf.
         dock_frame: Frame of the dock, by tf.
-        dock_m: x1, y1, x2, y2, … of its convex region there, counter-clockwise.
+        dock_m: x1, y1, x2, y2, … of its region there, counter-clockwise.
         height_min_m: Points of clouds below this over the base's origin are floor.
         height_max_m: Points above this are ignored: they pass over the robot.
         mask_m: Points in the footprint grown by this may be the robot itself: those
@@ -195,11 +195,11 @@ class Wiring(NamedTuple):
         """Region of the dock in its frame; None without one.
 
         Raises:
-            InvalidInputError: Not a convex polygon, counter-clockwise.
+            InvalidInputError: Not a simple polygon, counter-clockwise.
         """
         want(len(self.dock_m) % 2 == 0, "dock_m needs pairs of numbers")
         corners = np.array(self.dock_m, dtype=np.float64).reshape(-1, 2)
-        return Footprint(corners) if len(corners) else None
+        return Footprint.polygon(corners) if len(corners) else None
 
     @property
     def sensors(self) -> dict[str, Transform]:
@@ -322,8 +322,8 @@ class Guard:
         want(known, f"freshness needs ages above the {held:g} s of a step")
         for watch, age in zip(self.watches.values(), oldest, strict=True):
             watch.oldest, watch.future = age - held, fresh.future
-        before, outline = self.perceiver, setup.robot.footprint.vertices
-        same = np.array_equal(before.robot.footprint.vertices, outline)
+        before, outline = self.perceiver, setup.robot.footprint.edges
+        same = np.array_equal(before.robot.footprint.edges, outline)
         if not same or before.settings != setup.perception:
             self.perceiver = Perceiver(setup.robot, setup.perception)
         self.setup = setup
@@ -405,7 +405,7 @@ class Guard:
                 back = relative(self.trail.at(seen.stamp), ORIGIN)
                 corners = to_world(self._on_ground(seen)[:, :2], back)
             if np.abs(off).max() > OUTLINE_MOVED:
-                self._outline = Footprint(corners)
+                self._outline = Footprint.polygon(corners)
                 self.change(self.setup)
             self._notes.pop("footprint", None)
         except UNREADABLE as error:
@@ -757,7 +757,10 @@ class Guard:
         """Return whether the ranges have not changed while the robot moved."""
         here = self.trail.at(stamp)
         known, there = self._scanned.get(topic, (NO_POINTS, here))
-        if not (self._is_posed and np.array_equal(known, ranges, equal_nan=True)):
+        if not self._is_posed:
+            self._scanned.pop(topic, None)
+            return False
+        if not np.array_equal(known, ranges, equal_nan=True):
             self._scanned[topic] = ranges.copy(), here
             return False
         x, y, turn = relative(there, here)
@@ -780,8 +783,8 @@ class Guard:
         known, away = to_world(before, relative(pose, ORIGIN)), self._away
         kept = np.hypot(*known.T) < robot.footprint.circumradius + away + AROUND
         kept &= mask.hidden(known, fan, beams, place)
-        grown = Footprint(offset_outline(robot.footprint.vertices, away, CORNER_POINTS))
-        added = mask.border(fan, beams, place, grown.edges)
+        parts = (offset_outline(x, away, CORNER_POINTS) for x in robot.footprint.parts)
+        added = mask.border(fan, beams, place, Footprint.union([*parts]))
         bound = to_world(np.vstack([known[kept], added]), pose)
         first = np.unique(np.floor(bound / mask.SPACING), axis=0, return_index=True)[1]
         self._unknown[topic] = bound[np.sort(first)]

@@ -43,7 +43,9 @@ def within(footprint: Footprint, points: Array, margin: float) -> Flags:
     """Return which points (N, 2), m, lie in a footprint offset by a margin, m."""
     edges = footprint.edges
     reach = (edges[:, :2] * edges[:, 2:4]).sum(axis=1) + margin
-    return np.asarray((points @ edges[:, 2:4].T <= reach).all(axis=1))
+    beyond = points @ edges[:, 2:4].T > reach
+    apart = np.logical_or.reduceat(beyond, footprint.starts, axis=1)
+    return np.asarray(~apart.all(axis=1))
 
 
 class OwnPlaces:
@@ -104,14 +106,19 @@ def unknown_sectors(fan: Fan, place: Transform, boxes: Array, least: float) -> F
     return np.roll(turned, known[0]) if closed else turned
 
 
-def border(fan: Fan, beams: Flags, place: Transform, edges: Array) -> Array:
-    """Return the points (m, 2) where beams (n,) leave a footprint with these edges."""
-    start, ways = _rays(fan, place)
+def border(fan: Fan, beams: Flags, place: Transform, footprint: Footprint) -> Array:
+    """Return the points (m, 2) where beams (n,) leave a footprint for good."""
+    (start, ways), edges, starts = _rays(fan, place), footprint.edges, footprint.starts
     along = ways[beams] @ edges[:, 2:4].T
-    gap = ((edges[:, :2] - start) * edges[:, 2:4]).sum(axis=1)
-    with np.errstate(divide="ignore"):
-        lengths = np.where(along > PARALLEL_BEAM, gap / along, np.inf).min(axis=1)
-    return np.asarray(start + lengths[:, None] * ways[beams])
+    along = np.where(abs(along) > PARALLEL_BEAM, along, PARALLEL_BEAM)
+    lengths = ((edges[:, :2] - start) * edges[:, 2:4]).sum(axis=1) / along
+    out = np.where(along > 0.0, lengths, np.inf)
+    into = np.where(along > 0.0, -np.inf, lengths)
+    leaves = np.minimum.reduceat(out, starts, axis=1)
+    enters = np.maximum.reduceat(into, starts, axis=1)
+    leaves = np.where(enters <= leaves, leaves, -np.inf).max(axis=1)
+    crossed = leaves > 0.0
+    return np.asarray(start + leaves[crossed, None] * ways[beams][crossed])
 
 
 def hidden(points: Array, fan: Fan, beams: Flags, place: Transform) -> Flags:

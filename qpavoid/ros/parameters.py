@@ -38,7 +38,8 @@ TABLES: dict[str, type[Any]] = {
 """Tables that can be changed at run time."""
 
 SHAPE = "robot.footprint_m"
-"""x1, y1, x2, y2, … counter-clockwise; empty: the preset's."""
+"""x1, y1, x2, y2, … counter-clockwise, ``nan`` between polygons of a union; empty: the
+preset's."""
 
 
 class Running(NamedTuple):
@@ -69,7 +70,7 @@ def preset(name: str, outline: str = "") -> Robot:
 
     Raises:
         UnknownNameError: There is none.
-        InvalidInputError: The outline is not the text of a convex polygon.
+        InvalidInputError: The outline is not the text of a simple polygon.
     """
     if name not in PRESETS:
         raise UnknownNameError("robot", name, PRESETS)
@@ -80,7 +81,7 @@ def preset(name: str, outline: str = "") -> Robot:
         corners = np.array(json.loads(outline), dtype=np.float64).reshape(-1, 2)
     except (TypeError, ValueError) as error:
         raise InvalidInputError(f"footprint_text: {error}") from None
-    return replace(made, footprint=Footprint(counter_clockwise(corners)))
+    return replace(made, footprint=Footprint.polygon(counter_clockwise(corners)))
 
 
 def defaults(robot: Robot) -> dict[str, Any]:
@@ -109,8 +110,10 @@ def setup_of(values: Mapping[str, Any], robot: Robot, dt: float) -> GuardSetup:
     footprint = robot.footprint
     if len(values[SHAPE]):
         flat = np.asarray(values[SHAPE], dtype=np.float64)
-        want(len(flat) % 2 == 0, f"{SHAPE} needs pairs of numbers")
-        footprint = Footprint.polygon(flat.reshape(-1, 2))
+        polygons = np.split(flat, np.flatnonzero(np.isnan(flat)))
+        polygons = [polygons[0], *(x[1:] for x in polygons[1:])]
+        want(not any(len(x) % 2 for x in polygons), f"{SHAPE} needs pairs of numbers")
+        footprint = Footprint.union([x.reshape(-1, 2) for x in polygons])
     robot = replace(robot, footprint=footprint, limits=_made("robot", values))
     parts = {name: _made(name, values) for name in PARTS}
     settings = _made("filter", values, dt=dt, **parts)

@@ -113,17 +113,18 @@ def markers(guard: Guard, step: GuardStep) -> list[Drawing]:
     brakes, held = step.decision is None, bounds(robot.footprint, step)
     plan = BRAKE if brakes else guard.safety.plan
     lines = np.stack([held.start, held.end], axis=1).reshape(-1, 2)
-    outline, radius = robot.footprint.vertices, settings.radius
+    footprint, radius = robot.footprint, settings.radius
     slow, fast = (
-        offset_outline(outline, r, 5) for r in (radius.r_min_slow, radius.r_min_fast)
+        sides([offset_outline(x, r, 5) for x in footprint.parts])
+        for r in (radius.r_min_slow, radius.r_min_fast)
     )
     body = (0.8, 0.1, 0.1, 1.0) if brakes else (0.1, 0.4, 0.8, 1.0)
     made = Setup(robot.footprint.edges, robot.limit_vector, settings.record())
     way = places_of(made, plan, (step.v, step.omega), DRAWN_EVERY)
     return [
-        Drawing("footprint", closed(outline), body),
-        Drawing("zone of slow obstacles", closed(slow), (0.9, 0.6, 0.0, 0.8)),
-        Drawing("zone of fast obstacles", closed(fast), (0.9, 0.6, 0.0, 0.4)),
+        Drawing("footprint", sides(footprint.outlines), body, pairs=True),
+        Drawing("zone of slow obstacles", slow, (0.9, 0.6, 0.0, 0.8), pairs=True),
+        Drawing("zone of fast obstacles", fast, (0.9, 0.6, 0.0, 0.4), pairs=True),
         Drawing("active contacts", lines, (0.9, 0.0, 0.0, 1.0), pairs=True),
         Drawing("plan", way, (0.0, 0.6, 0.3, 1.0)),
         *movers(step, guard.perceiver.explain()),
@@ -152,9 +153,10 @@ def circles(centres: Array, radii: npt.ArrayLike) -> Array:
     return np.stack([corners[:, :-1], corners[:, 1:]], axis=2).reshape(-1, 2)
 
 
-def closed(vertices: Array) -> Array:
-    """Return an outline with its first vertex repeated at its end."""
-    return np.vstack([vertices, vertices[:1]])
+def sides(polygons: Sequence[Array]) -> Array:
+    """Return the sides (2 n, 2) of polygons, m."""
+    ends = [np.stack([x, np.roll(x, -1, axis=0)], axis=1) for x in polygons]
+    return np.concatenate(ends).reshape(-1, 2)
 
 
 class Bounds(NamedTuple):

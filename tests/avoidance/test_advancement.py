@@ -11,8 +11,8 @@ from hypothesis import assume, given
 
 from driven import driven_to, gap_at, least_of
 from qpavoid.avoidance import bodies as table
-from qpavoid.avoidance import clearance
-from qpavoid.avoidance.clearance import LOOKS, REFINEMENTS, STEP, least_room, too_near
+from qpavoid.avoidance import margin
+from qpavoid.avoidance.margin import LOOKS, REFINEMENTS, STEP, least_margin, too_near
 from qpavoid.avoidance.plan import Plan, hold
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.obstacles import Obstacles
@@ -39,14 +39,16 @@ NEVER = 1e9
 
 
 def true_room(scene, trace, body, begin, end):
-    """The least room of a body from ``begin`` to ``end``, on a trace; and a look."""
-    corners, line, least = scene.corners, line_of(body), math.inf
+    """The least room of a body from ``begin`` to ``end``, on a trace."""
+    line, least = line_of(body), math.inf
     for k, row in enumerate(trace):
         start, past = max(begin - k * DT, 0.0), min(end - k * DT, DT)
         if start < past or start == past == 0.0:
             pose = driven_to(tuple(row[:3]), *row[3:], start)
             time = past - start
-            least = least_of(corners, pose, row[3:], time, k * DT + start, line, least)
+            for part in scene.parts:
+                known = part, pose, row[3:], time, k * DT + start, line
+                least = least_of(*known, least)
     return least
 
 
@@ -54,8 +56,8 @@ def room_now(scene, trace, body, time):
     """The room of a body at a time."""
     k = min(int(time / DT + 1e-9), len(trace) - 1)
     pose = driven_to(tuple(trace[k, :3]), *trace[k, 3:], time - k * DT)
-    grown = table.Body(*body).growth * time
-    return gap_at(scene.corners, pose, line_of(body), time) - grown
+    grown = body.growth * time
+    return min(gap_at(x, pose, line_of(body), time) for x in scene.parts) - grown
 
 
 class Judged:
@@ -65,13 +67,13 @@ class Judged:
         self.scene = scene_of(robot, world, now, **more)
         self.rollout = rolled(self.scene, plan, now, DT, 1)
         self.trace = steps_of(robot, plan, now, DT, True, seconds)
-        self.corners, self.bodies = robot.footprint.vertices, self.scene.bodies
+        self.parts, self.bodies = robot.footprint.parts, self.scene.bodies
 
     def near(self, i, span, level):
         return too_near(self.scene, self.rollout, i, span, level, 0.0)
 
     def room(self, i, span, enough):
-        return least_room(self.scene, self.rollout, i, span, enough)
+        return least_margin(self.scene, self.rollout, i, span, enough)
 
     def true(self, i, begin, end):
         return true_room(self, self.trace, self.bodies[i], begin, end)
@@ -135,8 +137,8 @@ def test_the_least_room_is_the_least_of_dense_looks(robot, seed):
         for enough in (NEVER, true + 0.05, true - 0.05):
             room, when = judged.room(i, (0.0, HORIZON), enough)
             if true < enough:
-                missed = 0.5 * STEP * (pace + table.Body(*judged.bodies[i]).speed)
-                gap = true + table.Body(*judged.bodies[i]).keep
+                missed = 0.5 * STEP * (pace + judged.bodies[i].speed)
+                gap = true + judged.bodies[i].required
                 assert room >= true - (1e-6 if gap > 0.0 else 1e-4)
                 assert room <= true + missed + 1e-7
                 assert room == pytest.approx(judged.at(i, when), abs=1e-7)
@@ -154,7 +156,7 @@ def test_what_creeps_grows(seed):
     world = Obstacles(discs=discs, disc_velocities=velocities)
     plan = hold(*rng.uniform(BOX[::2], BOX[1::2]), 0.5)
     judged = Judged(ROBOT, world, plan, (0.3, 0.2), horizon=0.0)
-    assert all(table.Body(*row).kind == table.CREEPS for row in judged.bodies)
+    assert (judged.bodies["kind"] == table.CREEPS).all()
     for i in range(len(judged.bodies)):
         end = judged.rollout.rest
         true = min(judged.at(i, t) for t in np.linspace(0.0, end, 400))
@@ -167,9 +169,8 @@ def test_what_grows_far_away_is_too_near_in_the_end():
     """The robot stands; only what is to be kept grows, at 0.1 m/s."""
     world, still = Obstacles(discs=[(0.9, 0.1, 0.1)]), hold(0.0, 0.0, 0.5)
     judged = Judged(ROBOT, world, still, (0.0, 0.0), horizon=0.0)
-    body = table.Body(*judged.bodies[0])._replace(x=2.0, growth=0.1)
-    judged.bodies[0] = body
-    room = gap_at(judged.corners, (0.0, 0.0, 0.0), line_of(judged.bodies[0]), 0.0)
+    judged.bodies[0].x, judged.bodies[0].growth = 2.0, 0.1
+    room = gap_at(judged.parts[0], (0.0, 0.0, 0.0), line_of(judged.bodies[0]), 0.0)
     for level in (0.0, 0.3, 1.0):
         when = (room - level) / 0.1
         assert judged.near(0, (0.0, 3.0 * when), level)[0]
@@ -180,22 +181,25 @@ def test_what_grows_far_away_is_too_near_in_the_end():
 @pytest.fixture
 def looks(monkeypatch):
     """Count the distances that a function asks for, run as plain Python."""
-    made, contact = [], clearance.line_contact
+    made = []
 
-    def counting(*given):
-        made.append(given[2])
-        assert len(made) < 9 * LOOKS, "no end"
-        return contact(*given)
+    def counting(contact):
+        def counted(*given):
+            made.append(given)
+            assert len(made) < 9 * LOOKS, "no end"
+            return contact(*given)
 
-    monkeypatch.setattr(clearance, "line_contact", counting)
-    monkeypatch.setattr(clearance, "room_at", clearance.room_at.py_func)
+        return counted
+
+    monkeypatch.setattr(margin, "line_contact", counting(margin.line_contact))
+    monkeypatch.setattr(margin, "part_contact", counting(margin.part_contact))
+    monkeypatch.setattr(margin, "clear_time", margin.clear_time.py_func)
+    monkeypatch.setattr(margin, "margin_at", margin.margin_at.py_func)
 
     def count(function, judged, i, span, *level):
         made.clear()
-        settings = judged.scene.settings.view(np.recarray)
-        scene = judged.scene._replace(settings=settings)
-        given = judged.rollout, i, span, *level
-        assert function.py_func(scene, *given) == function(judged.scene, *given)
+        given = judged.scene, judged.rollout, i, span, *level
+        assert function.py_func(*given) == function(*given)
         return len(made)
 
     return count
@@ -277,7 +281,7 @@ def test_so_are_those_for_the_least_room(name, looks):
     judged = Judged(robot, world, hold(*twist, DT), twist, seconds=0.1)
     for i in range(0, len(judged.bodies), max(1, len(judged.bodies) // 8)):
         for end in (judged.rollout.rest, HORIZON):
-            made = looks(least_room, judged, i, (0.0, end), NEVER)
+            made = looks(least_margin, judged, i, (0.0, end), NEVER)
             assert made <= LOOKS + 1 + 2 * REFINEMENTS
 
 
@@ -296,13 +300,11 @@ def test_a_search_for_many_looks_finds_few(looks):
 def test_a_plan_that_is_not_decided_counts_as_too_near(monkeypatch):
     """No looks left, and nothing found: not clear, rather than clear."""
     judged = Judged(ROBOT, NEAR, Plan(0.3, 0.5, 1.0, -0.3, 0.2, 3.0), (0.3, 0.5))
-    i = [table.Body(*row).kind for row in judged.bodies].index(table.MOVES)
-    settings = judged.scene.settings.view(np.recarray)
-    scene = judged.scene._replace(settings=settings)
+    i = judged.bodies["kind"].tolist().index(table.MOVES)
     level = judged.room(i, (0.0, HORIZON), NEVER)[0] - 0.01
-    known = scene, judged.rollout, i, (0.0, HORIZON), level, 0.0
+    known = judged.scene, judged.rollout, i, (0.0, HORIZON), level, 0.0
     assert not too_near.py_func(*known)[0]
-    monkeypatch.setattr(clearance, "LOOKS", 1 - len(judged.rollout.arcs))
+    monkeypatch.setattr(margin, "LOOKS", 1 - len(judged.rollout.arcs))
     assert too_near.py_func(*known)[0]
 
 
@@ -311,17 +313,16 @@ import math
 import numpy as np
 from qpavoid import AvoidanceSettings, Footprint, Limits, Obstacles, Robot
 from qpavoid import SafetyFilter
-from qpavoid.avoidance import clearance, proposals, selection, step, verdict
+from qpavoid.avoidance import margin, proposals, selection, step, verdict
 
 made, planned, bodies = [0], [0], [0]
-contact, roll_out = clearance.line_contact, verdict.roll_out
+contact, part = margin.line_contact, margin.part_contact
+roll_out = verdict.roll_out
 reach = step.bodies_in_reach
-record = AvoidanceSettings.record
-AvoidanceSettings.record = lambda self: record(self).view(np.recarray)
 
 def counted(*given):
     made[0] += 1
-    return contact(*given)
+    return (contact if len(given) == 3 else part)(*given)
 
 def rolled(*given):
     planned[0] += 1
@@ -331,7 +332,7 @@ def reached(*given):
     bodies[0] = reach(*given)
     return bodies[0]
 
-clearance.line_contact = proposals.line_contact = counted
+margin.line_contact = margin.part_contact = proposals.part_contact = counted
 verdict.roll_out = proposals.roll_out = selection.roll_out = rolled
 step.bodies_in_reach = reached
 slow = Limits(-1.0, 1.0, -1.5, 1.5, 0.5, 0.02)

@@ -13,7 +13,15 @@ from qpavoid.avoidance import plan as memory
 from qpavoid.avoidance.cbf_rows import R_MIN_TOLERANCE
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import stopping_time
-from rollouts import HORIZON, SETTINGS, every_robot, line_of, scene_of, seeds
+from rollouts import (
+    HORIZON,
+    SETTINGS,
+    every_robot,
+    geometry,
+    line_of,
+    scene_of,
+    seeds,
+)
 from shapes import ROBOT
 
 EVERYTHING = Obstacles(
@@ -41,8 +49,8 @@ def test_bodies_by_hand():
     spins = np.hypot(0.1, 0.0) + 0.5 * np.hypot(0.2, 0.1)  # of its farthest corner
     r_min = SETTINGS.radius.r_min
     wanted = [0.17, 0.17, 0.3 + r_min(0.3), 0.2 + 0.17, 0.1 + 0.17, 0.17]
-    assert [b.keep for b in bodies[:6]] == pytest.approx(wanted)
-    assert [b.keep for b in bodies[6:]] == pytest.approx([r_min(spins)] * 3)
+    assert [b.required for b in bodies[:6]] == pytest.approx(wanted)
+    assert [b.required for b in bodies[6:]] == pytest.approx([r_min(spins)] * 3)
     assert [b.turn for b in bodies[6:]] == [0.5] * 3
     lines = lines_of(
         polygons=[[(1.0, 1.0), (1.4, 1.0), (1.2, 1.3)]], motions=[(0.1, 0.0, 0.5)]
@@ -66,7 +74,7 @@ def test_the_order_of_what_is_given_decides_nothing():
             polygons=[np.roll(EVERYTHING.polygons[0], seed, axis=0)],
             polygon_velocities=[(0.1, 0.0, 0.5)],
         )
-        found = np.delete(scene_of(ROBOT, world).bodies, table.BODY_OWNER, axis=1)
+        found = geometry(scene_of(ROBOT, world).bodies)
         count = len(found) - 4  # points come first, as they are given
         tables.append(np.vstack([sorted(found[:count].tolist()), found[count:]]))
     for found in tables[1:]:
@@ -76,7 +84,7 @@ def test_the_order_of_what_is_given_decides_nothing():
 def test_bodies_keep_to_their_r_min():
     bodies = rows(scene_of(ROBOT, EVERYTHING))
     for i, body in enumerate(bodies[:6]):
-        assert body.spread == pytest.approx(body.keep + (i == 5))
+        assert body.spread == pytest.approx(body.required + (i == 5))
 
 
 def test_who_does_not_look_ahead_sees_what_stands_or_creeps():
@@ -131,7 +139,7 @@ def test_no_more_is_wanted_of_what_stands_than_there_is():
         nearest = min((gap for gap in gaps if gap > 0.0), default=math.inf)
         for body, gap in zip(bodies, gaps, strict=True):
             most = min(0.17, gap + R_MIN_TOLERANCE)
-            keep = table.Body(*body).keep
+            keep = table.Body(*body).required
             assert keep == pytest.approx(most, abs=1e-9) or (
                 nearest + R_MIN_TOLERANCE - 1e-9 <= keep < most
             )
@@ -147,5 +155,6 @@ def test_the_twists_given_last_are_remembered_newest_first():
         )
     pending = state[memory.PENDING : memory.PENDING + 6].reshape(3, 2)
     assert pending.tolist() == [[0.1 * k, -0.2 * k] for k in (3, 2, 1)]
-    assert state[: memory.PLAN_V].tolist() == pending[0].tolist()
-    assert state[memory.UNTIL] == pytest.approx(0.98)
+    kept = state[: memory.PENDING].view(memory.KEPT)[0]
+    assert [kept.v, kept.omega] == pending[0].tolist()
+    assert kept.until == pytest.approx(0.98)

@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 
 from driven import driven_to
 from qpavoid.avoidance.cbf_rows import R_MIN_TOLERANCE, closing_bound, row_reach
-from qpavoid.avoidance.clearance import ArcTwist, end_time, least_room
 from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.margin import ArcTwist, end_time, least_margin
 from qpavoid.avoidance.plan import hold
 from qpavoid.avoidance.proposals import Query, start_twist
 from qpavoid.avoidance.settings import Actuation, AvoidanceSettings, SafetyRadius
 from qpavoid.avoidance.verdict import first_twist
 from qpavoid.model.contact import Contact
-from qpavoid.model.contacts import DISTANCE, contact_table, empty_contacts
+from qpavoid.model.contacts import CONTACT, contact_table, empty_contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import braking_twist
 from rollouts import BOX, LIMITED, ROBOT, SETTINGS, rolled, scene_of, speeds, turns
@@ -72,7 +72,7 @@ def test_of_the_contacts_only_those_within_reach_are_kept():
     known = ROBOT.footprint.edges, radius, world.arrays
     assert contact_table(*known, 0.1, table) == (1, 0)
     assert contact_table(*known, 0.3, table) == (2, 0)
-    assert table[:2, DISTANCE] == pytest.approx([0.05, 0.2])
+    assert table.view(CONTACT)["distance"][:2] == pytest.approx([0.05, 0.2])
 
 
 def test_the_first_twist_of_a_plan_of_one_step_is_that_of_the_plan():
@@ -88,7 +88,7 @@ def test_the_least_room_is_that_at_the_end_where_it_is_less_and_less():
     scene = scene_of(ROBOT, Obstacles(points=[[FRONT + 1.7, 0.0]]), last=(0.4, 0.0))
     end, speed = 8.0, 1.0 / 8.0
     rollout = rolled(scene, hold(speed, 0.0, end), (speed, 0.0), DT, 1)
-    room, when = least_room(scene, rollout, 0, (0.0, end), 9.0)
+    room, when = least_margin(scene, rollout, 0, (0.0, end), 9.0)
     assert room == pytest.approx(1.7 - R_MIN - 1.0, abs=1e-6)
     assert when == pytest.approx(end, abs=1e-6)
 

@@ -16,9 +16,12 @@ from qpavoid.avoidance.settings import AvoidanceSettings, LookAhead
 from qpavoid.avoidance.step import filter_step
 from qpavoid.errors import InvalidInputError, ThreadError
 from qpavoid.lab.simulation.methods import OURS, make_controller
+from qpavoid.model.contacts import Contacts
+from qpavoid.model.footprint import Footprint
+from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits
-from shapes import ROBOT, scene
+from shapes import ROBOT, STAR, scene
 
 LIMITED = replace(
     ROBOT, limits=replace(ROBOT.limits, acceleration=2.0, angular_acceleration=2.5)
@@ -39,6 +42,32 @@ def within(robot, u):
     assert limits.omega_min - 1e-9 <= u[1] <= limits.omega_max + 1e-9
     wheel = abs(u[0]) + 0.5 * limits.track * abs(u[1])
     assert wheel <= limits.wheel_speed + 1e-9
+
+
+@aheads
+@solvers
+def test_an_equal_footprint_changes_nothing_another_one_the_next_verdict(ahead, solver):
+    one, other = (SafetyFilter(LIMITED, solver=solver, ahead=ahead) for _ in range(2))
+    rng, pose = np.random.default_rng(14), (0.0, 0.0, 0.0)
+    known = Obstacles(**scene(rng))
+    for _ in range(30):
+        other.footprint = Footprint.union([ROBOT.footprint])
+        seen, (v, omega) = known.seen_from(pose), rng.uniform(-1, 1, 2)
+        decision = one.filter(v, omega, seen)
+        assert other.filter(v, omega, seen)[:7] == decision[:7]
+        pose = arc(*pose, *decision[:2], 0.02)
+    for footprint in (STAR, ROBOT.footprint):
+        other.footprint = footprint
+        expected = Contacts.of(footprint, seen).distance.min()
+        assert other.filter(0.0, 0.0, seen).clearance == expected
+        assert other.robot.footprint is footprint
+    with pytest.raises(InvalidInputError, match="must be a Footprint"):
+        other.footprint = footprint.vertices
+    thread = threading.Thread(target=lambda: one.reset() or one.filter(0.0, 0.0, seen))
+    thread.start()
+    thread.join()
+    with pytest.raises(ThreadError):
+        one.footprint = STAR
 
 
 @aheads

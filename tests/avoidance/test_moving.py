@@ -10,7 +10,6 @@ from driven import least_on_way
 from problems import ROBOTS, Scene, loop
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.plan import UNTIL
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 
 SETTINGS = AvoidanceSettings(dt=0.05)
@@ -34,13 +33,13 @@ def driven(robot, seed, settings=SETTINGS):
     safety = SafetyFilter(robot, settings)
 
     def note(v, omega, seen):
-        untils.append(safety._engine.state[UNTIL])
+        untils.append(safety.foreseen)
 
     decisions, trace, _ = loop(safety, scene, wishes(rng), DT, note)
     least = least_on_way(robot.footprint.vertices, trace, DT, scene.lines)
     speeds = np.hypot(*scene.lines[:, 5:7].T)
     needed = [settings.radius.r_min(speed) for speed in speeds]
-    untils = [*untils[1:], safety._engine.state[UNTIL]]
+    untils = [*untils[1:], safety.foreseen]
     return decisions, (least - needed).min(axis=1), np.array(untils) + DT
 
 

@@ -285,7 +285,7 @@ def test_numpys_buffers_are_asked_for_where_its_arrays_lie_unlike(monkeypatch, p
 
 @pytest.mark.parametrize("made", [(), (np.ndarray, tuple, ()), (1, list, (), NEAR)])
 def test_what_a_decision_is_made_of_is_checked(made):
-    known = *used()._engine.setup, *(NEAR, np.zeros((0, 11)), 0.0, True, 0.0, 0.0)
+    known = *used()._engine.setup, *(NEAR, np.zeros((0, 12)), 0.0, True, 0.0, 0.0)
     with pytest.raises(TypeError):
         bound(filter_step, (*known, np.zeros(99), np.zeros(9)), GIVEN, made)
 

@@ -41,7 +41,7 @@ def contact(place):
 
 def around(gap, share=None):
     """Places at a gap before the middle (or a share) of each of the five edges."""
-    for index, (x, y, n_x, n_y, length) in enumerate(WIDE.footprint.edges):
+    for index, (x, y, n_x, n_y, length, _) in enumerate(WIDE.footprint.edges):
         along = length * (share if share is not None else 0.5)
         yield index, (x - along * n_y + gap * n_x, y + along * n_x + gap * n_y)
 

@@ -14,7 +14,6 @@ from qpavoid.avoidance.plan import Plan, hold
 from qpavoid.avoidance.proposals import fill_slopes, slopes_at
 from qpavoid.model.obstacles import Obstacles
 from rollouts import (
-    BEGIN,
     BOX,
     HORIZON,
     SETTINGS,
@@ -117,10 +116,9 @@ def test_mirrored_plans_lead_to_mirrored_places(robot, seed, many):
     scene, mirror = scene_of(robot, NOTHING), scene_of(robot, NOTHING)
     one = rolled(scene, plan, now, DT, many).arcs
     two = rolled(mirror, other, (now[0], -now[1]), DT, many).arcs
-    signs = np.ones(8)
-    odd = [pre.Arc._fields.index(name) for name in ("y", "sin", "omega")]
-    signs[odd] = -1.0
-    np.testing.assert_array_equal(one[:, :8], two[:, :8] * signs)
+    for name in pre.Arc._fields[:8]:
+        sign = -1.0 if name in ("y", "sin", "omega") else 1.0
+        np.testing.assert_array_equal(one[name], two[name] * sign)
 
 
 @robots
@@ -153,13 +151,8 @@ def test_slopes_are_those_of_finite_differences(robot, many, v, omega, last_v, l
     times = np.linspace(0.1, HORIZON - 0.1, 9)
     shifted = [[driven(*d) for d in ((s, 0.0), (0.0, s))] for s in (-h, h)]
     for time in times:
-        row = np.searchsorted(rollout.arcs[:, BEGIN], time, "right") - 1
-        x_v, y_v, x_w, y_w, turn = slopes_at(
-            pre.arc_at(rollout.arcs, int(row)),
-            pre.slopes_of(rollout.arcs, int(row)),
-            time,
-            DT,
-        )
+        row = np.searchsorted(rollout.arcs["begin"], time, "right") - 1
+        x_v, y_v, x_w, y_w, turn = slopes_at(rollout.arcs[row], time, DT)
         before, after = ([frame_of(one, time) for one in both] for both in shifted)
         change = (np.array(after) - before) / (2 * h)
         away = np.abs(np.array(after) - 2 * np.array(frame_of(rollout, time)) + before)

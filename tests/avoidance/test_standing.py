@@ -6,13 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from driven import driven_to, least_in_all, lines_of, lines_of_world
+from driven import driven_to, gap_at, least_in_all, lines_of, lines_of_world
 from hostile import LIMITS, R_MIN, ROBOT, Case, epsilon, make_demands, make_scene
 from oracles import point_distance, wall_distance
 from qpavoid.avoidance.decision import BRAKING, HOLDING, RELAXED, STATUSES, Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.model.obstacles import Obstacles
+from shapes import UNIONS
 
 EPSILON = epsilon(R_MIN)
 REST = (0.0, 0.0, 0.0)
@@ -51,6 +52,39 @@ def test_a_small_radius_is_kept_too(r_min, count, ahead, dt, limits):
     """With a steep barrier, that asks for more deceleration than there is."""
     case = Case(limits, dt, ahead, r_min=r_min, gamma=10.0)
     holds(case, count // 4 if ahead else count, seed=3)
+
+
+@steps
+@aheads
+@pytest.mark.parametrize("count", [20, pytest.param(2000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("footprint", UNIONS.values(), ids=UNIONS)
+def test_nothing_that_stands_is_touched_by_any_part(footprint, count, ahead, dt):
+    case = Case("wheels", dt, ahead, footprint=footprint)
+    holds(case, count // 2 if ahead else count, seed=5)
+
+
+@aheads
+@pytest.mark.parametrize("count", [8, pytest.param(300, marks=pytest.mark.slow)])
+def test_a_footprint_changes_at_rest_and_is_kept_from_then_on(count, ahead):
+    """Obstacles inside r_min of a larger one are never nearer than at that moment."""
+    case, near, rng = Case("accelerations", 0.05, ahead), 0, np.random.default_rng(13)
+    safety = SafetyFilter(case.robot, case.settings, ahead=ahead)
+    for _ in range(count):
+        world, pose = make_scene(rng, most=1.5), REST
+        lines = lines_of_world(world)
+        for footprint in rng.permutation([ROBOT.footprint, *UNIONS.values()]):
+            safety.reset()
+            safety.footprint, trace = footprint, []
+            gaps = [gap_at(x, pose, one, 0.0) for x in footprint.parts for one in lines]
+            for v, omega in make_demands(rng, 40, case.dt)[0]:
+                decision = safety.filter(v, omega, world.seen_from(pose))
+                trace.append((*pose, *decision[:2]))
+                pose = driven_to(pose, *decision[:2], case.dt)
+            known = np.array(trace), case.dt, lines
+            least = min(least_in_all(part, *known) for part in footprint.parts)
+            assert least >= min(*gaps, R_MIN) - EPSILON
+            near += min(gaps) < R_MIN
+    assert near >= count // 2
 
 
 @steps

@@ -10,6 +10,7 @@ from in_c import COMPILER, draws, in_c, same
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.export.translate import Translation
 from qpavoid.export.values import TranslationError, Value
+from qpavoid.types import layout
 
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 
@@ -222,6 +223,40 @@ def views(
     )
 
 
+PLANS = layout(Plan)
+
+
+@compiled_once
+def sorted_plans(memory: np.ndarray, x: float, n: int) -> tuple[float, int, int]:
+    """Fill, change, copy and sort rows of a table of records."""
+    plans = memory[1:].view(PLANS)[: 3 + n % 3]
+    for i in range(plans.shape[0]):
+        plans[i] = Plan(x, x * i * (3 - i), 2 * i)
+        plans[i].v += plans[i].omega
+        plans[i].ticks -= n
+    for i in range(1, len(plans)):
+        one, other = plans[i], plans[i - 1]
+        if (one.v, one.ticks, one.omega) < (other.v, other.ticks, other.omega):
+            kept = Plan(other.v, other.omega, other.ticks)
+            plans[i - 1] = plans[i]
+            plans[i] = kept
+    later = plans[1:]
+    return faster(later[0], 0.5).v, later[len(later) - 1].ticks, slower(x, x).ticks
+
+
+def test_tables_of_records(tmp_path):
+    ask = in_c(tmp_path, sorted_plans, memory="v", x="f", n="i")
+    for draw in draws():
+        memory = draw["rng"].uniform(-1.0, 1.0, 19)
+        seen, plain, given = memory.copy(), memory.copy(), (draw["x"], abs(draw["n"]))
+        answer = sorted_plans(memory, *given)
+        assert same(ask(seen, *given), answer)
+        assert same(sorted_plans.py_func(plain, *given), answer)
+        for name in Plan._fields:
+            rows = [one[1:].view(PLANS)[name] for one in (seen, plain, memory)]
+            assert same(rows[0], rows[2]) and same(rows[1], rows[2])
+
+
 def test_records_in_loops_and_branches(tmp_path):
     ask = in_c(tmp_path, search, x="f", y="f", n="i")
     for draw in draws():
@@ -277,7 +312,7 @@ def wrong_kinds(x: float) -> float:
 @compiled
 def wrong_comparison(x: float) -> bool:
     """Order tuples."""
-    return (x, 1.0) < (1.0, x)
+    return (x, 1.0) <= (1.0, x)
 
 
 @compiled
@@ -307,7 +342,7 @@ def wrong_part(a: np.ndarray) -> float:
 @pytest.mark.parametrize(
     ("function", "kind", "construct"),
     [
-        (wrong_comparison, "double", "(x, 1.0) < (1.0, x)"),
+        (wrong_comparison, "double", "(x, 1.0) <= (1.0, x)"),
         (wrong_call, "double", "math.gamma(x)"),
         (wrong_memory, "double", "np.zeros(3)"),
         (wrong_array, "int", "TABLE"),

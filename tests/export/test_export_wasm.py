@@ -69,7 +69,7 @@ def test_the_filter_drives_the_same_in_a_loop(ask):
     record, edges, steps = settings.record(), robot.footprint.edges, 100
     points = np.random.default_rng(2).uniform(-3.0, 3.0, (60, 2))
     points = points[np.hypot(*points.T) > 1.2]
-    capsules, state = np.empty((0, 11)), fresh_state()
+    capsules, state = np.empty((0, 12)), fresh_state()
     size = memory_size(most_contacts(edges, (points, capsules)), record)
     fields = dict(zip(record.dtype.names, record[0].tolist(), strict=True))
     given = [

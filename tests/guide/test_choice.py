@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 import qpavoid as qp
 from qpavoid.avoidance.bodies import BODY, Scene, bodies_in_reach
+from qpavoid.avoidance.plan import ARC
 from qpavoid.guide.choice import (
     FASTEST,
     KIND,
@@ -61,9 +62,9 @@ def straight(speed=0.7, aside=0.0, rows=ROWS):
 
 def course(obstacles, ahead=None, driven=(0.5, 0.0), guide=None):
     stage = GuideStage(ROBOT, guide or GuideSettings(), SETTINGS, LAW).stage
-    bodies = np.empty((200, BODY))
+    bodies = np.zeros(200, BODY)
     edges, robot, record = stage.setup
-    rest = driven, (0.0, 0.0), bodies, bodies[:0], DT, 0.0, math.inf
+    rest = driven, (0.0, 0.0), np.zeros(0, ARC), bodies[:0], DT, 0.0, math.inf
     scene = Scene(edges, robot, record, bodies, *rest)
     count = bodies_in_reach(scene, obstacles.arrays, 0.0, 3.0)
     scene = Scene(edges, robot, record, bodies[:count], *rest)

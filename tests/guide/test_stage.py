@@ -10,7 +10,6 @@ from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.errors import InvalidInputError
 from qpavoid.guide.guide import ROWS
 from qpavoid.guide.rollout import TICK, fill_ahead
-from qpavoid.guide.room import inner_radius
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.guide.stage import GuideStage, Tracking
 from qpavoid.guide.state import PROGRESS, Progress
@@ -220,7 +219,7 @@ def test_the_record_holds_each_setting_under_its_name():
     record = settings.record(robot, radius)[0]
     for name, value in (vars(radius) | vars(settings)).items():
         assert record[name] == pytest.approx(value, rel=1e-12), name
-    assert record["inner"] == inner_radius(robot.footprint)
+    assert record["inner"] == robot.footprint.inner_radius
 
 
 def test_every_word_has_its_sentence():

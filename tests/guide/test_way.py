@@ -10,7 +10,6 @@ from qpavoid.guide.geodesic import Goal, way_beyond
 from qpavoid.guide.room import (
     AMPLE,
     Field,
-    inner_radius,
     line_room,
     new_field,
     outline,
@@ -84,7 +83,7 @@ def test_a_line_is_free_or_not(robot):
 def test_ways_are_free_and_lead_to_the_target(robot, reverse):
     """Checked with the exact contacts, at every tenth of every action."""
     rng, body, found = np.random.default_rng(2), outline(robot.footprint), 0
-    inner, way = inner_radius(robot.footprint), np.zeros(MOST_ACTIONS)
+    inner, way = robot.footprint.inner_radius, np.zeros(MOST_ACTIONS)
     for _ in range(30):
         world, place = clutter(rng), rng.uniform(-4.0, 4.0, 2).tolist()
         target = (*place, rng.uniform(-3, 3))
@@ -112,7 +111,7 @@ def test_ways_are_free_and_lead_to_the_target(robot, reverse):
 
 
 def test_no_way_is_no_way(robot):
-    body, inner = outline(robot.footprint), inner_radius(robot.footprint)
+    body, inner = outline(robot.footprint), robot.footprint.inner_radius
     way = np.zeros(MOST_ACTIONS)
     world = Obstacles(walls=box(-1.5, -1.5, 2.5, 1.5))
     field = new_field(HALF, AMPLE + inner, RADIUS, world.arrays)
@@ -143,7 +142,7 @@ def test_the_way_beyond_the_grid_goes_round_each_wall():
 
 def test_a_way_to_what_lies_beyond_the_grid_stays_on_this_side_of_a_long_wall(robot):
     """In a corridor with three robots that stand: past them, not out and beside it."""
-    body, inner = outline(robot.footprint), inner_radius(robot.footprint)
+    body, inner = outline(robot.footprint), robot.footprint.inner_radius
     way = np.zeros(MOST_ACTIONS)
     boxes = [
         [(x, -0.7), (x + 0.9, -0.7), (x + 0.9, -0.1), (x, -0.1)]

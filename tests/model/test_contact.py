@@ -15,18 +15,14 @@ from oracles import holds_point, sides
 from qpavoid.model import capsules
 from qpavoid.model.contact import approach_row
 from qpavoid.model.contacts import (
-    CONTACT_WIDTH,
-    DISTANCE,
-    OBSTACLE,
+    CONTACT,
     Contacts,
-    ObstacleContact,
     clearance_of,
     contact_at,
     contact_table,
     empty_contacts,
-    nearest_distance,
-    set_contact,
 )
+from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from shapes import PENTAGON, footprints
@@ -72,11 +68,21 @@ def shape_of(corners):
 
 
 def depth(footprint, corners):
-    """The least shift that ends an overlap: of the origin out of the difference."""
-    difference = (corners[:, None] - footprint.vertices[None]).reshape(-1, 2)
-    hull = shapely.MultiPoint(difference).convex_hull
-    origin = shapely.Point(0, 0)
-    return hull.exterior.distance(origin) if hull.contains(origin) else 0.0
+    """The greatest of the least shifts that end the overlap with a part.
+
+    Of the origin out of the difference.
+    """
+    deep, origin = 0.0, shapely.Point(0, 0)
+    for part in footprint.parts:
+        difference = (corners[:, None] - part[None]).reshape(-1, 2)
+        hull = shapely.MultiPoint(difference).convex_hull
+        if hull.contains(origin):
+            deep = max(deep, hull.exterior.distance(origin))
+    return deep
+
+
+def robot_of(footprint):
+    return shapely.union_all([shapely.Polygon(x) for x in footprint.outlines])
 
 
 @footprints
@@ -88,10 +94,10 @@ def test_distance_is_that_of_shapely(footprint, kind, data):
     corners = data.draw(st.sampled_from(SIZES).flatmap(lambda x: corners_of(kind, x)))
     radius = 0.1 * (kind == "disc")
     contacts = Contacts.of(footprint, world_of(kind, corners))
-    robot, distance = shapely.Polygon(footprint.vertices), contacts.distance.min()
+    robot, distance = robot_of(footprint), contacts.distance.min()
     apart = robot.distance(shape_of(corners)) or -depth(footprint, corners)
-    assert distance == pytest.approx(apart - radius, abs=1e-9)
-    assert len(contacts) == 1 or distance > 0
+    assert distance == pytest.approx(apart - radius, abs=1e-12 if apart > 0 else 1e-9)
+    assert len(contacts) == 1 or distance > 0 or len(footprint.parts) > 1
 
 
 @footprints
@@ -104,7 +110,7 @@ def test_contacts_are_consistent(footprint, kind, data):
     radius = 0.1 * (kind == "disc")
     contacts = Contacts.of(footprint, world_of(kind, corners))
     assert_allclose(np.hypot(*contacts.normal.T), 1.0, atol=1e-12)
-    outline = shapely.Polygon(footprint.vertices).exterior
+    outline = shapely.union_all([shapely.LinearRing(x) for x in footprint.parts])
     apart = contacts.distance + radius
     ends = contacts.point + apart[:, None] * contacts.normal
     other = shape_of(corners)
@@ -112,7 +118,9 @@ def test_contacts_are_consistent(footprint, kind, data):
     for point in contacts.point:
         assert outline.distance(shapely.Point(point)) < 1e-9
     if kind in ("point", "disc") or apart.min() > 0:
-        chosen = [apart.argmin()] if kind == "wall" else range(len(apart))
+        chosen = range(len(apart))
+        if kind == "wall" or len(footprint.parts) > 1:
+            chosen = [apart.argmin()]
         for end in ends[chosen]:
             assert other.distance(shapely.Point(end)) < 1e-9
     edges = footprint.edges[contacts.segment]
@@ -127,13 +135,14 @@ def test_the_way_out_ends_an_overlap(footprint, kind, data):
     """Shifted by the depth along −n both just touch; by less they still overlap."""
     size = data.draw(st.sampled_from([0.3, 4.0]))
     corners = data.draw(corners_of(kind, size, 0.3))
-    contacts = Contacts.of(footprint, world_of(kind, corners, radius=0.0))
-    assume(contacts.distance[0] < -1e-3)
-    robot = shapely.Polygon(footprint.vertices)
-    for more, overlaps in ((-1e-6, True), (1e-6, False)):
-        shift = (contacts.distance[0] - more) * contacts.normal[0]
-        moved = shapely.affinity.translate(robot, *shift)
-        assert moved.intersects(shape_of(corners)) == overlaps
+    world = world_of(kind, corners, radius=0.0)
+    for part in footprint.parts:
+        contacts = Contacts.of(Footprint.polygon(part), world)
+        if contacts.distance[0] < -1e-3:
+            for more, overlaps in ((-1e-6, True), (1e-6, False)):
+                shift = (contacts.distance[0] - more) * contacts.normal[0]
+                moved = shapely.affinity.translate(shapely.Polygon(part), *shift)
+                assert moved.intersects(shape_of(corners)) == overlaps
 
 
 @footprints
@@ -177,16 +186,18 @@ def test_segment_at_a_corner_is_the_one_that_faces_the_obstacle():
 
 @footprints
 def test_on_the_boundary_the_distance_is_zero(footprint):
-    for index, (a, b) in enumerate(sides(footprint.vertices)):
+    ends = np.vstack([[*sides(part)] for part in footprint.parts])
+    for row, (a, b) in enumerate(ends):
+        part = np.unique(footprint.edges[:, 5]).searchsorted(footprint.edges[row, 5])
         for share in (0.0, 0.3, 1.0):
             place = a + share * (b - a)
             contacts = Contacts.of(footprint, Obstacles(points=[place]))
-            assert contacts.distance[0] == pytest.approx(0.0, abs=1e-12)
-            assert_allclose(contacts.point[0], place, atol=1e-12)
-            assert np.hypot(*contacts.normal[0]) == pytest.approx(1.0)
+            assert contacts.distance[part] == pytest.approx(0.0, abs=1e-12)
+            assert_allclose(contacts.point[part], place, atol=1e-12)
+            assert np.hypot(*contacts.normal[part]) == pytest.approx(1.0)
             if share == 0.3:
-                edge = footprint.edges[index, 2:4]
-                assert_allclose(contacts.normal[0], edge, atol=1e-12)
+                edge = footprint.edges[row, 2:4]
+                assert_allclose(contacts.normal[part], edge, atol=1e-12)
 
 
 def test_j_0_is_casadis_derivative_in_both_frames():
@@ -226,7 +237,7 @@ def table(footprint, arrays, reach):
     contacts[:] = math.nan
     known = footprint.edges, footprint.circumradius, arrays, reach, contacts
     count, nearest = contact_table(*known)
-    return contacts[:count], nearest
+    return contacts.view(CONTACT)[:count], nearest
 
 
 @footprints
@@ -237,11 +248,11 @@ def test_pruning_keeps_what_lies_within_reach_and_the_nearest(footprint, reach):
         arrays = scene(rng).arrays
         everything, _ = table(footprint, arrays, math.inf)
         kept, nearest = table(footprint, arrays, reach)
-        ours, all_of_them = kept[:, DISTANCE], everything[:, DISTANCE]
+        ours, all_of_them = kept["distance"], everything["distance"]
         assert ours[nearest] == all_of_them.min()
         assert_array_equal(kept[ours <= reach], everything[all_of_them <= reach])
         assert clearance_of(PENTAGON, arrays) == (
-            table(PENTAGON, arrays, math.inf)[0][:, DISTANCE].min()
+            table(PENTAGON, arrays, math.inf)[0]["distance"].min()
         )
     assert clearance_of(PENTAGON, Obstacles().arrays) == math.inf
 
@@ -265,12 +276,9 @@ def test_of_equally_near_obstacles_the_first_is_the_nearest():
 
 
 def test_a_row_of_the_table_reads_as_it_was_written():
-    row = ObstacleContact(0.1, 0.2, 0.6, 0.8, 0.5, -1.0, -2.0, 7, 3)
-    contacts = np.full((2, CONTACT_WIDTH), math.nan)
-    set_contact(contacts, 1, row)
-    assert contact_at(contacts, 1) == row and contacts[1].tolist() == [*row]
-    assert nearest_distance(contacts, 1) == 0.5 and contacts[1, OBSTACLE] == 7
-    assert nearest_distance(contacts, -1) == math.inf
+    row, contacts = (0.1, 0.2, 0.6, 0.8, 0.5, -1.0, -2.0, 7, 3), np.zeros(2, CONTACT)
+    contacts[1] = row
+    assert contact_at(contacts.view(np.float64), 1) == row
 
 
 WALLS = {
@@ -287,8 +295,7 @@ WALLS = {
 @footprints
 @pytest.mark.parametrize("wall", WALLS.values(), ids=WALLS)
 def test_distance_of_a_wall(footprint, wall):
-    corners = np.reshape(wall, (2, 2))
-    robot = shapely.Polygon(footprint.vertices)
+    corners, robot = np.reshape(wall, (2, 2)), robot_of(footprint)
     apart = robot.distance(shape_of(corners)) or -depth(footprint, corners)
     contacts = Contacts.of(footprint, Obstacles(walls=[wall]))
     assert contacts.distance.min() == pytest.approx(apart, abs=1e-9)

@@ -1,17 +1,18 @@
-"""Footprints: the tip, Eq. 8, presets, and what is no convex polygon."""
+"""Footprints: the tip, Eq. 8, presets, parts of a polygon, and faults."""
 
 import math
 
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.footprint import Footprint, offset_outline
+from qpavoid.model.footprint import Footprint, offset_outline, why_not_simple
 from qpavoid.model.robot import Limits, Robot
+from shapes import PENTAGON, UNIONS
 
 L, D = 0.890, 0.580
 ALPHA = math.radians(40.0)
@@ -112,7 +113,7 @@ def test_sizes_are_positive(size):
     [
         [(0, 0), (1, 0)],
         [],
-        [(0, 0), (2, 0), (1, 0.2), (1, 2)],
+        [(0, 0), (2, 0), (1, 0), (1, 2)],
         [(0, 0), (1, 0), (1, 0), (0, 1)],
         [(-1, -1), (0, -1), (1, -1), (1, 1), (-1, 1)],
         [(math.cos(t), math.sin(t)) for t in 2 * math.pi * 0.4 * np.arange(5)],
@@ -124,7 +125,7 @@ def test_sizes_are_positive(size):
         [("a", "b"), ("c", "d"), ("e", "f")],
     ],
 )
-def test_not_a_convex_polygon(vertices):
+def test_not_a_simple_polygon(vertices):
     with pytest.raises(InvalidInputError):
         Footprint.polygon(vertices)
 
@@ -134,15 +135,58 @@ def test_not_a_convex_polygon(vertices):
     [
         (SQUARE[::-1], "clockwise"),
         ([(-1, -1), (-1, 1), (0, 1), (1, 1), (1, -1)], "clockwise"),
+        ([(0, 0), (0, 2), (0.5, 0.5), (2, 0)], "clockwise"),
         ([(0, 0), (1, 0), (2, 0)], "on a side"),
         ([*SQUARE, SQUARE[-1]], "repeat a corner"),
-        ([(0, 0), (2, 0), (0.5, 0.5), (0, 2)], "that is not convex"),
-        (SQUARE * 2, "crosses itself"),
+        ([(0, 0), (2, 0), (1, 0), (0, 2)], "crosses or touches itself"),
+        ([(0, 0), (2, 0), (2, 2), (1, 0), (0, 2)], "crosses or touches itself"),
+        ([(0, 0), (2, 2), (2, 0), (0, 2)], "crosses or touches itself"),
+        (SQUARE * 2, "crosses or touches itself"),
     ],
 )
 def test_what_is_wrong_with_corners_is_said(vertices, said):
     with pytest.raises(InvalidInputError, match=said):
         Footprint.polygon(vertices)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_parts_are_convex_and_make_up_the_polygon(seed):
+    """Rings about the origin with random radii, and combs, turned by any angle."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(3, 14))
+    angles = 2 * math.pi * (np.arange(n) + rng.uniform(0, 0.8, n)) / n
+    corners = np.exp(1j * angles) * rng.uniform(0.2, 1.0, n)
+    if rng.random() < 0.5:
+        x, y = np.arange(2 * n), np.where(np.arange(2 * n) % 2, 1.0, rng.integers(2, 9))
+        corners = np.append(x[::-1] + 1j * y, [-1, 2 * n - 1j])
+    corners = corners * np.exp(1j * rng.choice([0.0, rng.uniform(0, 7)]))
+    vertices = np.column_stack([corners.real, corners.imag])
+    assume(not why_not_simple(vertices))
+    footprint = Footprint.polygon(vertices)
+    shapes = [shapely.Polygon(part) for part in footprint.parts]
+    whole = shapely.Polygon(footprint.vertices)
+    assert sum(x.area for x in shapes) == pytest.approx(whole.area)
+    assert all(x.equals(x.convex_hull) for x in map(shapely.normalize, shapes))
+    assert shapely.union_all(shapes).symmetric_difference(whole).area < 1e-12
+    sides = np.roll(corners, -1) - corners
+    reflex = int(((np.roll(sides, 1).conj() * sides).imag < 0).sum())
+    assert len(shapes) <= 2 * reflex + 1
+    inside = whole.contains(shapely.Point(0, 0))
+    assert (footprint.inner_radius > 0) <= inside
+    assert (
+        footprint.inner_radius <= whole.exterior.distance(shapely.Point(0, 0)) + 1e-12
+    )
+
+
+def test_few_parts_of_the_published_shapes():
+    assert [len(one.parts) for one in UNIONS.values()] == [2, 4, 3]
+    tee = [(0.3, 1), (-0.3, 1), (-0.3, -1), (0.3, -1), (0.3, -0.2), (1.5, -0.2)]
+    assert len(Footprint.polygon([*tee, (1.5, 0.2), (0.3, 0.2)]).parts) == 2
+    apart = Footprint.union([PENTAGON, SQUARE])
+    assert [len(x) for x in apart.outlines] == [5, 4] and len(apart.vertices) == 9
+    assert apart.inner_radius == 1.0 and PENTAGON.inner_radius == 0.29
+    with pytest.raises(InvalidInputError, match="one polygon or more"):
+        Footprint.union([])
 
 
 def test_a_footprint_cannot_be_changed():

@@ -20,11 +20,12 @@ from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.avoidance.step import filter_step, memory_size
 from qpavoid.model.capsules import in_robot_frame
 from qpavoid.model.contacts import (
-    CONTACT_WIDTH,
+    CONTACT_SIZE,
     contact_at,
     contact_table,
     most_contacts,
 )
+from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot, braking_twist, twist_box
@@ -71,7 +72,7 @@ def drive_blindly(
     seen = world[0].copy(), world[1].copy()
     most = most_contacts(edges, world)
     memory = np.empty(memory_size(most, settings))
-    contacts = np.empty((most, CONTACT_WIDTH))
+    contacts = np.empty(most * CONTACT_SIZE)
     set_driven(state, twist[0], twist[1])
     x = y = heading = 0.0
     excess, lies = 0.0, 0
@@ -115,7 +116,7 @@ def drive_blindly(
     return excess, lies
 
 
-def make_scene(rng, least=R_MIN, most=2.0):
+def make_scene(rng, least=R_MIN, most=2.0, parts=ROBOT.footprint.parts):
     """Points, discs and walls at rest round the robot, none nearer than ``least``."""
     while True:
         n_points, n_discs, n_walls = rng.integers(0, 8), *rng.integers(0, 4, 2)
@@ -132,7 +133,7 @@ def make_scene(rng, least=R_MIN, most=2.0):
         if not len(world):
             continue
         lines, rest = lines_of_world(world), (0.0, 0.0, 0.0)
-        gaps = [gap_at(ROBOT.footprint.vertices, rest, line, 0.0) for line in lines]
+        gaps = [min(gap_at(x, rest, line, 0.0) for x in parts) for line in lines]
         kept = np.array(gaps) >= least
         if kept.any():
             discs = kept[n_points : n_points + n_discs]
@@ -171,10 +172,11 @@ class Case:
     braking_room: bool = True
     r_min: float = R_MIN
     gamma: float = 2.0
+    footprint: Footprint = ROBOT.footprint
 
     @property
     def robot(self):
-        return replace(ROBOT, limits=LIMITS[self.limits])
+        return replace(ROBOT, footprint=self.footprint, limits=LIMITS[self.limits])
 
     @property
     def settings(self):
@@ -198,8 +200,8 @@ class Case:
             counts,
             trace,
         )
-        corners, lines = ROBOT.footprint.vertices, lines_of_world(world)
-        least = least_in_all(corners, trace, self.dt, lines)
+        lines, parts = lines_of_world(world), self.footprint.parts
+        least = min(least_in_all(part, trace, self.dt, lines) for part in parts)
         assert off_the_arcs(trace, self.dt) < 1e-6
         return Outcome(least, excess, lies), counts, trace
 
@@ -212,7 +214,7 @@ class Case:
         counts = np.zeros(len(STATUSES), dtype=np.int64)
         for i in range(scenes):
             rng = np.random.default_rng([seed, i])
-            world = make_scene(rng, self.r_min)
+            world = make_scene(rng, self.r_min, parts=self.footprint.parts)
             demands = make_demands(rng, round(seconds / self.dt), self.dt)
             outcomes[i], given, _ = self.drive(world, *demands)
             counts += given

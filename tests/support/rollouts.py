@@ -15,7 +15,7 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, braking_twist, limit_twist
 from qpavoid.types import Box
-from shapes import NEEDLE, ROBOT, SHIFTED
+from shapes import ELL, FORKS, NEEDLE, ROBOT, SHIFTED
 
 LIMITED = replace(
     ROBOT, limits=replace(ROBOT.limits, acceleration=2.0, angular_acceleration=2.5)
@@ -24,7 +24,6 @@ WHEELS = replace(
     ROBOT, limits=Limits(-0.6, 1.0, -1.5, 1.2, 1.5, 3.0, wheel_speed=0.9, track=0.5)
 )
 SETTINGS = AvoidanceSettings()
-BEGIN = pre.Arc._fields.index("begin")
 HORIZON, STILL = SETTINGS.ahead.horizon, SETTINGS.ahead.horizon_still
 BOX = Box(-1.0, 1.0, -1.5, 1.5)
 ROBOTS = {
@@ -33,6 +32,8 @@ ROBOTS = {
     "wheels": WHEELS,
     "needle": replace(LIMITED, footprint=NEEDLE),
     "shifted": replace(WHEELS, footprint=SHIFTED),
+    "ell": replace(LIMITED, footprint=ELL),
+    "forks": replace(WHEELS, footprint=FORKS),
 }
 robots = pytest.mark.parametrize("robot", (ROBOT, LIMITED), ids=("free", "limited"))
 every_robot = pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
@@ -43,9 +44,9 @@ speeds, turns = st.floats(-1, 1), st.floats(-1.5, 1.5)
 def scene_of(robot, world, last=(0.0, 0.0), settings=SETTINGS, age=0.0, horizon=None):
     """The scene of a step, as ``prepare`` has it."""
     record = settings.record()
-    bodies = np.zeros((len(world.points) + len(world.capsules), table.BODY))
-    groups = np.zeros((len(bodies) // FEW, table.BODY))
-    arcs = np.zeros((pre.most_arcs(record), pre.ARC))
+    bodies = np.zeros(len(world.points) + len(world.capsules), table.BODY)
+    groups = np.zeros(len(bodies) // FEW, table.BODY)
+    arcs = np.zeros(pre.most_arcs(record), pre.ARC)
     last = float(last[0]), float(last[1])
     known = robot.footprint.edges, robot.limit_vector, record
     rest = last, (0.0, 0.0), arcs, groups, settings.dt, 0.0, math.inf
@@ -55,15 +56,21 @@ def scene_of(robot, world, last=(0.0, 0.0), settings=SETTINGS, age=0.0, horizon=
     return scene._replace(bodies=bodies[:count])
 
 
+def geometry(bodies):
+    """Rows (n, 16) of bodies without their numbers: kind, owner and group."""
+    count = table.Body._fields.index("kind")
+    return np.array([[*body][:count] for body in bodies]).reshape(-1, count)
+
+
 def rolled(scene, plan, now, held, many):
     """Result of ``roll_out``, in memory of its own.
 
     A compiled function that takes no part in counting references hands Python the whole
     array in place of a slice.
     """
-    scene.arcs[:] = np.nan
+    scene.arcs["begin"] = np.nan
     made = pre.roll_out(scene, plan, now, held, many)
-    count = np.isfinite(scene.arcs[:, BEGIN]).sum()
+    count = np.isfinite(scene.arcs["begin"]).sum()
     return made._replace(arcs=scene.arcs[:count].copy())
 
 
@@ -125,11 +132,11 @@ def line_of(body):
     x, y = body.x, body.y
     levers = body.x1 + x, body.y1 + y, body.x2 + x, body.y2 + y
     motion = body.v_x, body.v_y, body.turn
-    return np.array([*levers, body.keep, *motion, x, y])
+    return np.array([*levers, body.required, *motion, x, y])
 
 
 def frame_of(rollout, time, dt=SETTINGS.dt):
     """Pose of a rollout at a time: x, y and heading."""
-    row = np.searchsorted(rollout.arcs[:, BEGIN], time + 1e-12, "right") - 1
-    at = pre.frame_at(pre.arc_at(rollout.arcs, int(row)), time, dt)
+    row = np.searchsorted(rollout.arcs["begin"], time + 1e-12, "right") - 1
+    at = pre.frame_at(rollout.arcs[row], time, dt)
     return at.x, at.y, math.atan2(at.sin, at.cos)

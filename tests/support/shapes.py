@@ -1,4 +1,4 @@
-"""Footprints, ordinary, long, sharp, away from the origin; and scenes for a filter."""
+"""Footprints, ordinary, long, sharp, not convex; and scenes for a filter."""
 
 import math
 
@@ -22,6 +22,26 @@ FOOTPRINTS = {
     "needle": NEEDLE,
     "shifted": SHIFTED,
 }
+ELL = Footprint.polygon(
+    [(-0.4, -0.3), (0.5, -0.3), (0.5, -0.1), (-0.1, -0.1), (-0.1, 0.4), (-0.4, 0.4)]
+)
+STAR = Footprint.polygon(
+    0.4
+    * np.array(
+        [(-0.04, -1.24), (0.28, -0.28), (1.24, -0.28), (0.44, 0.2), (0.76, 1.16)]
+        + [(-0.04, 0.52), (-0.84, 1.16), (-0.52, 0.2), (-1.32, -0.28), (-0.36, -0.28)]
+    )
+)
+FORKS = Footprint.union(
+    [
+        Footprint.rectangle(0.5, 0.6),
+        [(-1.0, 0.1), (-0.3, 0.1), (-0.3, 0.25), (-1.0, 0.25)],
+        [(-1.0, -0.25), (-0.2, -0.25), (-0.2, -0.1), (-1.0, -0.1)],
+    ]
+)
+UNIONS = {"ell": ELL, "star": STAR, "forks": FORKS}
+convex = pytest.mark.parametrize("footprint", FOOTPRINTS.values(), ids=FOOTPRINTS)
+FOOTPRINTS = FOOTPRINTS | UNIONS
 footprints = pytest.mark.parametrize("footprint", FOOTPRINTS.values(), ids=FOOTPRINTS)
 places = st.tuples(st.floats(-2, 2), st.floats(-2, 2))
 

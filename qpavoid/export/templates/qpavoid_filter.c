@@ -8,8 +8,9 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
-/* Edges of the footprint: start (m), outward unit normal, length (m). */
-static const double edges[$n_edges][5] = {
+/* Edges of the footprint: start (m), outward unit normal, length (m), and the row after
+ * the last edge of its convex part. */
+static const double edges[$n_edges][6] = {
 $edges
 };
 

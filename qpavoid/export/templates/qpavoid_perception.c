@@ -9,8 +9,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Edges of the footprint: start (m), outward unit normal, length (m). */
-static const double edges[$n_edges][5] = {
+/* Edges of the footprint: start (m), outward unit normal, length (m), and the row after
+ * the last edge of its convex part. */
+static const double edges[$n_edges][6] = {
 $edges
 };
 
@@ -68,7 +69,7 @@ int qpavoid_perceive(qpavoid_perception *p, const double ranges[QPAVOID_BEAMS],
     for (int k = 0; k < QPAVOID_BEAMS; k++) {
         const double r = ranges[k];
         const bool echo = r > 0.0 && r >= QPAVOID_RANGE_MIN && r < QPAVOID_RANGE_MAX;
-        p->rows[k][0] = echo || r == INFINITY ? r : NAN;
+        p->rows[k * $ray] = echo || r == INFINITY ? r : NAN;
     }
     p->time = middle;
     $taken;

@@ -6,15 +6,13 @@ from qpavoid.avoidance.controllers import StepContext
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.lab.baselines.drive import Baseline, Command
 from qpavoid.model.contacts import (
-    DISTANCE,
-    NORMAL_X,
-    NORMAL_Y,
-    OBSTACLE,
+    CONTACT,
+    CONTACT_SIZE,
     contact_table,
     empty_contacts,
 )
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.types import ContactRows, Twist
+from qpavoid.types import Twist, Vector
 
 LEAST_DISTANCE = 0.02
 """m; distance below which the force is constant: the potential diverges at contact."""
@@ -38,32 +36,32 @@ def force(distance: float, strength: float, reach: float) -> float:
 @entry
 @compiled_once
 def _whole_force_fits(
-    contacts: ContactRows, count: int, strength: float, reach: float
+    memory: Vector, count: int, strength: float, reach: float
 ) -> bool:
     """Return whether the table has ``count`` rows."""
-    all_fit: bool = count <= contacts.shape[0]
+    all_fit: bool = count <= memory.shape[0] // CONTACT_SIZE
     return all_fit
 
 
 @entry_if(_whole_force_fits)
 @compiled_once
 def whole_force(
-    contacts: ContactRows, count: int, strength: float, reach: float
+    memory: Vector, count: int, strength: float, reach: float
 ) -> tuple[float, float]:
     """Return Σ F = −∇U over shifts of the robot, one nearest contact per obstacle.
 
     Contacts of one obstacle are successive rows of the table.
     """
-    f_x, f_y, i = 0.0, 0.0, 0
+    contacts, f_x, f_y, i = memory.view(CONTACT), 0.0, 0.0, 0
     while i < count:
-        nearest, obstacle = i, contacts[i, OBSTACLE]
-        while i < count and contacts[i, OBSTACLE] == obstacle:
-            if contacts[i, DISTANCE] < contacts[nearest, DISTANCE]:
+        nearest, obstacle = i, contacts[i].obstacle
+        while i < count and contacts[i].obstacle == obstacle:
+            if contacts[i].distance < contacts[nearest].distance:
                 nearest = i
             i += 1
-        size = force(contacts[nearest, DISTANCE], strength, reach)
-        f_x -= size * contacts[nearest, NORMAL_X]
-        f_y -= size * contacts[nearest, NORMAL_Y]
+        size = force(contacts[nearest].distance, strength, reach)
+        f_x -= size * contacts[nearest].n_x
+        f_y -= size * contacts[nearest].n_y
     return f_x, f_y
 
 

@@ -47,6 +47,7 @@ ROOT_FLOOR = 1e-12
 centres of two discs at one point."""
 
 BodyPoints: TypeAlias = tuple[tuple[float, float], ...]
+BodyParts: TypeAlias = tuple[BodyPoints, ...]
 """Vertices of the footprint, m; or discs that cover it: x of the centre, radius, m."""
 
 
@@ -59,8 +60,8 @@ class Keep(NamedTuple):
         gamma: γ in (0, 1]; with 1 it is h ≥ 0.
     """
 
-    barriers: Callable[[BodyPoints, Any, Any], list[Any]]
-    body: BodyPoints
+    barriers: Callable[[Any, Any, Any], list[Any]]
+    body: BodyPoints | BodyParts
     gamma: float = 1.0
 
 
@@ -186,9 +187,9 @@ def limited_by(limits: Limits, twists: Any, changes: Any) -> tuple[Any, Array]:
     return ca.veccat(changes, wheels)[real.tolist()], most[real]
 
 
-def polygon_barriers(vertices: BodyPoints, pose: Any, disc: Any) -> list[Any]:
-    """Return the distance of the polygon from a disc, m."""
-    return [polygon_distance(vertices, pose, disc[:2]) - disc[2]]
+def polygon_barriers(parts: BodyParts, pose: Any, disc: Any) -> list[Any]:
+    """Return the distance of every convex part from a disc, m."""
+    return [polygon_distance(part, pose, disc[:2]) - disc[2] for part in parts]
 
 
 def disc_barriers(body: BodyPoints, pose: Any, disc: Any) -> list[Any]:
@@ -199,6 +200,11 @@ def disc_barriers(body: BodyPoints, pose: Any, disc: Any) -> list[Any]:
         ca.sqrt(o_x**2 + o_y**2 + ROOT_FLOOR) - radius - disc[2]
         for (o_x, o_y), (_, radius) in zip(off, body, strict=True)
     ]
+
+
+def body_parts(robot: Robot) -> BodyParts:
+    """Return the corners of the footprint's convex parts, m."""
+    return tuple(tuple(map(tuple, x.tolist())) for x in robot.footprint.parts)
 
 
 def polygon_distance(vertices: BodyPoints, pose: Any, p: Any) -> Any:
@@ -366,8 +372,7 @@ class NmpcController:
     @property
     def keep(self) -> Keep:
         """Barriers between the obstacles' discs and the polygon."""
-        vertices = tuple(map(tuple, self.robot.footprint.vertices.tolist()))
-        return Keep(polygon_barriers, vertices)
+        return Keep(polygon_barriers, body_parts(self.robot))
 
 
 def later(poses: Array, at: Array) -> Array:

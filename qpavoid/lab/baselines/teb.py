@@ -19,11 +19,12 @@ from qpavoid.lab.baselines.drive import (
 )
 from qpavoid.lab.baselines.nmpc import (
     IPOPT,
-    BodyPoints,
+    BodyParts,
     Program,
+    body_parts,
     later,
     limited_by,
-    polygon_distance,
+    polygon_barriers,
 )
 from qpavoid.lab.baselines.predictive import (
     PERIOD,
@@ -106,7 +107,7 @@ class Band(NamedTuple):
 
 @lru_cache(maxsize=8)
 def make_band_program(
-    body: BodyPoints, limits: Limits, shape: Shape, weights: Weights
+    body: BodyParts, limits: Limits, shape: Shape, weights: Weights
 ) -> Program:
     """Return IPOPT for the problem of :class:`TebController`.
 
@@ -130,8 +131,8 @@ def make_band_program(
     room = []
     for i in range(n * near):
         k = i // near
-        there = discs[:2, i] + times[k] * discs[3:, i]
-        room.append(polygon_distance(body, poses[:, k], there) - discs[2, i] + slack[k])
+        disc = ca.vertcat(discs[:2, i] + times[k] * discs[3:, i], discs[2, i])
+        room += [h + slack[k] for h in polygon_barriers(body, poses[:, k], disc)]
     pieces = ca.horzcat(driven, twists), ca.horzcat(twists, ca.SX.zeros(2))
     # Twists belong to the middles of their pieces, so they change over half of either;
     # the first from the twist driven, the last to rest, each over its whole piece.
@@ -347,11 +348,12 @@ class TebController:
 
     def program(self) -> Program:
         """Return the solver, shared by all runs of equal settings."""
-        vertices = tuple(map(tuple, self.robot.footprint.vertices.tolist()))
         weights = Weights(
             self.end, self.gather, self.heading, self.smooth, self.penalty
         )
-        return make_band_program(vertices, self.robot.limits, self.shape, weights)
+        return make_band_program(
+            body_parts(self.robot), self.robot.limits, self.shape, weights
+        )
 
     @property
     def shape(self) -> Shape:

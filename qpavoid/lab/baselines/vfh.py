@@ -233,8 +233,7 @@ class HistogramController:
     def _circle(self) -> float:
         """Return the radius of the robot with its margin, m."""
         footprint = self.robot.footprint
-        edges, outer = footprint.edges, footprint.circumradius
-        inner = float((edges[:, :2] * edges[:, 2:4]).sum(axis=1).min())
+        inner, outer = footprint.inner_radius, footprint.circumradius
         return max(inner, 0.0) * (1.0 - self.radius) + self.radius * outer + self.margin
 
 

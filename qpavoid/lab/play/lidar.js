@@ -11,7 +11,7 @@ keep() -> restore()                for steps that are not taken */
 
 const Lidar = (() => {
   const SOON = 1e-9;  // s; tolerance of a tick for rounding
-  const DISC = 11;  // columns of a capsule
+  const DISC = 12;  // columns of a capsule
 
   const placed = ([x, y, heading], [ahead, left, turned]) => {
     const [c, s] = [Math.cos(heading), Math.sin(heading)];
@@ -26,7 +26,7 @@ const Lidar = (() => {
       const of = (key) => settings[`lidar.${key}`];
       const [n, view] = [Math.round(of("beams")), of("field_of_view_rad")];
       Object.assign(this, {
-        kernel, edges, map: sizes.map, rate: of("rate_hz"), latency: of("latency_s"), noise: of("noise_m"), dropout: of("dropout"),
+        kernel, edges, map: sizes.map, width: sizes.scan, rate: of("rate_hz"), latency: of("latency_s"), noise: of("noise_m"), dropout: of("dropout"),
         range: of("range_m"), post: of("point_radius_m"), perceives: of("perception"), due: -Infinity, taken: NaN, scans: [],
         mount: ["x_m", "y_m", "heading_rad"].map((key) => of(`mount_${key}`)), ranges: kernel.vector(n), ends: kernel.matrix(n, 2),
       });
@@ -42,9 +42,9 @@ const Lidar = (() => {
       };
       const angles = middles.map((_, k) => step * k - 0.5 * width);
       const beams = kernel.matrix(angles.map((angle) => [Math.cos(angle), Math.sin(angle), 0, 0]), 4);
-      this.given = { rows: kernel.matrix(n, sizes.scan), beams, sensor, counts: kernel.vector(2), motion: [0, 0, 0] };
-      this.memory = Object.fromEntries(Object.entries(sizes.memory).map(([name, [rows, columns]]) => [name, kernel.matrix(rows, columns || 1)]));
-      this.found = { points: kernel.matrix(n + sizes.memory.cells[0], 2), capsules: kernel.matrix(sizes.memory.tracks[0], DISC) };
+      this.given = { rows: kernel.vector(n * sizes.scan), beams, sensor, counts: kernel.vector(2), motion: [0, 0, 0] };
+      this.memory = Object.fromEntries(Object.entries(sizes.memory).map(([name, size]) => [name, kernel.vector(size)]));
+      this.found = { points: kernel.matrix(n + (2 * sizes.map.half) ** 2, 2), capsules: kernel.matrix(sizes.tracks, DISC) };
       const said = (key) => settings[`perception.${key}`];
       this.model = {
         inner: Math.max(robot.inner, 0), radius: said("radius_m"), acceleration: said("acceleration_mps2"),
@@ -64,9 +64,8 @@ const Lidar = (() => {
       this.last = last;
       if (last.time === this.taken) return;
       this.taken = last.time;
-      const { rows } = this.given;
-      const values = rows.values;
-      last.ranges.forEach((range, k) => { values[rows.columns * k] = range > 0 && (range < this.range || range === Infinity) ? range : NaN; });
+      const { values } = this.given.rows;
+      last.ranges.forEach((range, k) => { values[this.width * k] = range > 0 && (range < this.range || range === Infinity) ? range : NaN; });
       this.given = { ...this.given, time: last.time, pose: last.robot };
       if (this.perceives) this.kernel.perceive(this.memory, this.given, this.model);
     }
@@ -104,15 +103,15 @@ const Lidar = (() => {
     }
 
     free() {
-      const { cell, half, middle, free } = this.map;
-      const { cells, state } = this.memory;
-      const [side, values, stripes] = [2 * half, cells.values, []];
-      const low = [0, 1].map((k) => state.values[middle + k] - half);
+      const { cell, half, width, middle, free } = this.map;
+      const [cells, state] = [this.memory.cells, this.memory.state].map(({ values }) => new Int32Array(values.buffer, values.byteOffset, 2 * values.length));
+      const [side, stripes] = [2 * half, []];
+      const low = [0, 1].map((k) => state[middle + k] - half);
       const [rows, columns] = low.map((first) => Array.from({ length: side }, (_, k) => (((first + k) % side) + side) % side));
       rows.forEach((row, i) => {
         let length = 0;
         for (let j = 0; j <= side; j++) {
-          if (j < side && values[cells.columns * (row * side + columns[j]) + free] > 0) length += 1;
+          if (j < side && cells[width * (row * side + columns[j]) + free] > 0) length += 1;
           else if (length) {
             stripes.push([low[0] + i, low[1] + j - length, 1, length].map((count) => cell * count));
             length = 0;
@@ -127,7 +126,7 @@ const Lidar = (() => {
     keep() {
       const { due, taken, given } = this;
       const scans = [...this.scans];
-      const values = this.blocks().map((one) => Float64Array.from(one.values));
+      const values = this.blocks().map((one) => one.values.slice());
       return () => {
         Object.assign(this, { due, taken, given, scans });
         this.blocks().forEach((one, i) => one.values.set(values[i]));

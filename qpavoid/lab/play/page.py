@@ -14,7 +14,7 @@ from typing import Any, get_args, get_type_hints
 
 import numpy as np
 
-from qpavoid.avoidance.bodies import BODY
+from qpavoid.avoidance.bodies import BODY_SIZE
 from qpavoid.avoidance.decision import SENTENCES, STATUSES
 from qpavoid.avoidance.plan import fresh_state
 from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
@@ -22,7 +22,7 @@ from qpavoid.avoidance.step import PROBLEM_SIZE
 from qpavoid.errors import ConfigError, DataError, UnknownNameError
 from qpavoid.guide.geodesic import CELL
 from qpavoid.guide.rollout import ROWS, TICK
-from qpavoid.guide.room import OUTLINE_SPACING, inner_radius, outline
+from qpavoid.guide.room import OUTLINE_SPACING, outline
 from qpavoid.guide.settings import BACK_SPEED, GuideSettings
 from qpavoid.guide.stage import fresh_stage
 from qpavoid.guide.state import NO_PATH
@@ -34,12 +34,14 @@ from qpavoid.lab.simulation.scenario import Scenario, make_scenario
 from qpavoid.lab.simulation.schema import Preset
 from qpavoid.lab.simulation.tables import UNITS, attributes_of
 from qpavoid.model.capsules import TURN, V_X, X1, Y1
+from qpavoid.model.contacts import CONTACT_SIZE
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.perception import settings as perceived
 from qpavoid.perception.local_map import CELL as MAP_CELL
-from qpavoid.perception.local_map import EVER_FREE, HALF
-from qpavoid.perception.scan import NO_ECHO_FREE, SCAN_WIDTH
-from qpavoid.perception.update import MIDDLE_I, Memory
+from qpavoid.perception.local_map import CELL_STATE, HALF
+from qpavoid.perception.scan import NO_ECHO_FREE, RAY_SIZE
+from qpavoid.perception.tracks import MOST_TRACKS
+from qpavoid.perception.update import MAP_STATE, Memory
 from qpavoid.settings import Setting, declared
 from qpavoid.types import Array
 
@@ -76,10 +78,18 @@ NOT_PLAYED = ("estimation", "sight_m", "localisation", "plant", "planner", "robo
 NOT_MEASURED = {"fade": "fade", "sweep": "sweep_s", "delay": "delay_s"}
 """Settings of a LiDAR, and their keys: here scans are taken at once."""
 
+
+def place(layout: np.dtype[Any], field: str) -> int:
+    """Return the place of a field among the 32-bit numbers of a record."""
+    offsets = {name: at[1] for name, at in (layout.fields or {}).items()}
+    return offsets[field] // 4
+
+
 SIZES = {
     "state": len(fresh_state()),
     "stage": fresh_stage().tolist(),
-    "body": BODY,
+    "body": BODY_SIZE,
+    "contact": CONTACT_SIZE,
     "ahead": ROWS,
     "tick": TICK,
     "cell": CELL,
@@ -88,14 +98,21 @@ SIZES = {
     "blocked": NO_PATH,
     "problem": PROBLEM_SIZE,
     "memory": {
-        name: array.__metadata__[-1]
+        name: array.__metadata__[-1].rows
         for name, array in get_type_hints(Memory, include_extras=True).items()
     },
-    "scan": SCAN_WIDTH,
+    "scan": RAY_SIZE,
+    "tracks": MOST_TRACKS,
     "all_round": perceived.ALL_ROUND,
     "no_echo_free": NO_ECHO_FREE,
     "angle_error": perceived.Lidar().angle_error,
-    "map": {"cell": MAP_CELL, "half": HALF, "middle": MIDDLE_I, "free": EVER_FREE},
+    "map": {
+        "cell": MAP_CELL,
+        "half": HALF,
+        "width": CELL_STATE.itemsize // 4,
+        "free": place(CELL_STATE, "ever_free"),
+        "middle": place(MAP_STATE, "middle_i"),
+    },
 }
 """Array sizes of the compiled functions."""
 
@@ -206,11 +223,11 @@ def robot_data(robot: Robot) -> dict[str, Any]:
     """Return a robot as the page takes it."""
     return {
         "name": robot.name,
-        "vertices": robot.footprint.vertices.tolist(),
+        "outlines": [x.tolist() for x in robot.footprint.outlines],
         "edges": packed(robot.footprint.edges),
         "limits": packed(robot.limit_vector),
         "outline": packed(outline(robot.footprint)),
-        "inner": inner_radius(robot.footprint),
+        "inner": robot.footprint.inner_radius,
     }
 
 

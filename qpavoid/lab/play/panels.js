@@ -2,7 +2,7 @@
 /* Drawing functions of the replay and of the live page. They know plain frames only.
 Load pen.js, panels.js, charts.js in this order.
 
-world = {vertices: [[x, y]...] (robot frame), points: [[x, y]...],
+world = {outlines: [[[x, y]...]...] (robot frame), points: [[x, y]...],
          walls: [[x1, y1, x2, y2]...], path: [[x, y]...] (planned)}
 frame = {t, x, y, heading,             pose, world frame, m and rad
          xr, yr, hr,                   reference pose
@@ -18,7 +18,7 @@ frame = {t, x, y, heading,             pose, world frame, m and rad
          polygons: [[[x, y]...]...]}          corners, counter-clockwise; may be absent
 
 Panels.top(canvas, world, frame, {view: {cx, cy, scale} | null, trail: [[x, y]...],
-           color, others: [{vertices, frame, trail, color}...]}) -> view
+           color, others: [{outlines, frame, trail, color}...]}) -> view
            from above; scale in CSS pixels per m; others: robots beside the first
 Panels.toWorld(canvas, view, px, py) -> [x, y]      px, py: CSS pixels in the canvas
 Panels.toPixel(canvas, view, x, y) -> [px, py]
@@ -99,10 +99,12 @@ const Panels = (() => {
   }
 
   function robot(g, px, world, frame, scale) {
-    const outline = placed(world.vertices, frame.x, frame.y, frame.heading).map(px);
     const path = new Path2D();
-    outline.forEach(([x, y], i) => (i ? path.lineTo(x, y) : path.moveTo(x, y)));
-    path.closePath();
+    for (const vertices of world.outlines) {
+      const outline = placed(vertices, frame.x, frame.y, frame.heading).map(px);
+      outline.forEach(([x, y], i) => (i ? path.lineTo(x, y) : path.moveTo(x, y)));
+      path.closePath();
+    }
     for (const [reach, fill] of [[frame.r, "--zone-r"], [frame.rmin, "--zone-rmin"]]) {
       g.strokeStyle = g.fillStyle = color(fill);
       g.lineWidth = 2 * reach * scale;  // a round stroke is the exact offset
@@ -115,7 +117,7 @@ const Panels = (() => {
       g.strokeStyle = color(frame.clearance < 0 ? "--contact" : "--fg");
       g.lineWidth = frame.clearance < 0 ? 3.5 : 1.5;
       g.stroke(path);
-      const front = Math.max(...world.vertices.map(([x]) => x));
+      const front = Math.max(...world.outlines.flat().map(([x]) => x));
       const nose = [[0.5, 0.15], [0.75, 0], [0.5, -0.15]].map(([a, b]) => [a * front, b * front]);
       line(g, placed(nose, frame.x, frame.y, frame.heading).map(px), "--fg", 1.5);
       dot(g, px([frame.x, frame.y]), 2.5, "--fg");
@@ -139,16 +141,20 @@ const Panels = (() => {
   function plan(g, px, world, frame, hue) {
     const { places, at } = planned(frame);
     line(g, places.map(px), hue, 2, [1, 4]);
-    const outline = placed(world.vertices, at.x, at.y, at.heading).map(px);
-    line(g, [...outline, outline[0]], hue, 1, [2, 3]);
+    for (const vertices of world.outlines) {
+      const outline = placed(vertices, at.x, at.y, at.heading).map(px);
+      line(g, [...outline, outline[0]], hue, 1, [2, 3]);
+    }
   }
 
   /** A robot beside the first one: its outline, its nose, and its way. */
-  function other(g, px, { vertices, frame, trail, color: hue }) {
+  function other(g, px, { outlines, frame, trail, color: hue }) {
     line(g, trail.map(px), hue, 2);
-    const outline = placed(vertices, frame.x, frame.y, frame.heading).map(px);
-    line(g, [...outline, outline[0]], hue, 2);
-    const front = Math.max(...vertices.map(([x]) => x));
+    for (const vertices of outlines) {
+      const outline = placed(vertices, frame.x, frame.y, frame.heading).map(px);
+      line(g, [...outline, outline[0]], hue, 2);
+    }
+    const front = Math.max(...outlines.flat().map(([x]) => x));
     line(g, placed([[0, 0], [front, 0]], frame.x, frame.y, frame.heading).map(px), hue, 1.5);
   }
 

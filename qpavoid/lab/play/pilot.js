@@ -3,7 +3,7 @@
 qpavoid.lab.simulation.simulation does in Python, call by call. Qpavoid.Kernel is that of
 `export-c --wasm`; every pilot has a module of its own, whose memory goes with it.
 
-setup = {module, method, robot: {vertices, edges, limits, outline, inner}, settings by
+setup = {module, method, robot: {outlines, edges, limits, outline, inner}, settings by
          section.key, entries, sizes, choices, dt, plan (n · 5), law (9), lags, start, guided,
          lidar: whether obstacles are those that it perceives} */
 
@@ -12,7 +12,7 @@ const Pilot = (() => {
     eq5: { law: 5 }, eq7: { law: 7 }, qp: { ahead: false }, "qp-repulsion": { ahead: false, bound: "repulsion" },
     "qp-ahead": { ahead: true }, "qp-ahead+guide": { ahead: true, guided: true },
   };
-  const WIDTHS = { points: 2, capsules: 12, contacts: 9, discs: 3, speeds: 2, walls: 4, rest: 2, corners: 2, polygons: 4 };
+  const WIDTHS = { points: 2, capsules: 12, discs: 3, speeds: 2, walls: 4, rest: 2, corners: 2, polygons: 4 };
   const [A_V, A_OMEGA, B, OWNER, ROW] = [0, 1, 2, 3, 9];  // columns of a row of the QP, and how many there are
   const [RADIUS, V_X] = [4, 5];  // columns of a capsule
 
@@ -54,7 +54,7 @@ const Pilot = (() => {
       Object.assign(this, { kernel, dt: setup.dt, lags: setup.lags, sizes: setup.sizes, how: METHODS[setup.method], tables: {} });
       this.known = recorded(setup, (section) => !["guide", "lidar", "perception"].includes(section));
       this.setup = {
-        edges: this.rows(setup.robot.edges, 5), robot: kernel.vector(setup.robot.limits), settings: kernel.record("filter_settings", this.known),
+        edges: this.rows(setup.robot.edges, 6), robot: kernel.vector(setup.robot.limits), settings: kernel.record("filter_settings", this.known),
       };
       this.radius = setup.robot.limits[8];
       this.lidar = setup.lidar ? new Lidar(kernel, setup, this.setup.edges) : null;
@@ -136,13 +136,13 @@ const Pilot = (() => {
         this.seen = this.lidar.obstacles(this.pose, time);
       }
       const [most, there] = [this.seen, this.there].map((seen) => kernel.most_contacts(this.setup.edges, seen));
-      this.contacts = this.table("contacts", Math.max(most, there));
+      this.contacts = this.table("contacts", this.sizes.contact * Math.max(most, there), 1);
       const size = kernel.memory_size(most, this.setup.settings);
       if (this.memory.rows < size) {
         kernel.free(this.memory);
         this.memory = kernel.vector(2 * size);
       }
-      if (this.stage) this.bodies = this.table("bodies", most, this.sizes.body);
+      if (this.stage) this.bodies = this.table("bodies", most * this.sizes.body, 1);
     }
 
     /** The twist that tracking and guide desire, and whether there is no way. */
@@ -178,14 +178,14 @@ const Pilot = (() => {
     the one-step filter. */
     problem(desired) {
       const { kernel, setup, sizes } = this;
-      const kept = Float64Array.from(this.state.values);
+      const kept = this.state.values.slice();
       const [code] = kernel.filter_step(setup.edges, setup.robot, setup.settings, ...this.seen, 0, Boolean(this.how.ahead), ...desired, this.state, this.memory);
       this.state.values.set(kept);
       const all = this.memory.values;
       const most = kernel.most_contacts(setup.edges, this.seen);
       const end = kernel.memory_size(most, setup.settings);
       const [m, , ...terms] = code < 0 ? [0, 0, 0, 0, 0, 0, 0, 0] : all.subarray(end - sizes.problem, end);
-      const begin = WIDTHS.contacts * most;
+      const begin = this.sizes.contact * most;
       const planes = [];
       for (let i = 0; i < m; i++) {
         const row = all.subarray(begin + ROW * i, begin + ROW * (i + 1));
@@ -228,7 +228,7 @@ const Pilot = (() => {
     peek(world, time) {
       const kept = [this.pose, this.driven, this.place, this.mode];
       const restore = this.lidar && this.lidar.keep();
-      const states = [this.state, this.stageState].map((one) => Float64Array.from(one.values));
+      const states = [this.state, this.stageState].map((one) => one.values.slice());
       const frame = this.step(world, time);
       [this.pose, this.driven, this.place, this.mode] = kept;
       [this.state, this.stageState].forEach((one, i) => one.values.set(states[i]));

@@ -159,7 +159,7 @@ const Play = (() => {
   function known({ frame, robot: pilot }) {
     const { points, walls } = world.shown(time());
     const seen = lidar ? pilot.perceived(frame) : { points, walls };
-    return [{ ...frame, ...seen }, { vertices: robot.vertices, path: pathOf(), points: seen.points, walls: seen.walls }];
+    return [{ ...frame, ...seen }, { outlines: robot.outlines, path: pathOf(), points: seen.points, walls: seen.walls }];
   }
 
   function drawTop(one) {
@@ -167,7 +167,7 @@ const Play = (() => {
     const [frame, shown] = known(one);
     const others = names().filter((name) => name !== focus).map((name) => {
       const { frame, trail } = pilots.get(name);
-      return { vertices: robot.vertices, frame, trail, color: hue(name) };
+      return { outlines: robot.outlines, frame, trail, color: hue(name) };
     });
     Panels.top(canvas, shown, frame, { view, trail: one.trail, color: hue(focus), others });
     const g = canvas.getContext("2d");
@@ -429,7 +429,7 @@ const Play = (() => {
     if (robot.name !== scene.robot.name) {
       const preset = Object.keys(data.robots).find((name) => data.robots[name].name === robot.name);
       if (preset) said.preset = preset;
-      else said.footprint_m = robot.vertices;
+      else said.footprint_m = robot.outlines;
     }
     data.limits.forEach(({ key }, i) => {
       if (robot.limits[i] !== usual[i] && !(key === "track_m" && robot.limits[i] === 0)) said[key] = robot.limits[i];
@@ -498,12 +498,12 @@ const Play = (() => {
     const select = element("select", { id: "robot" }, ...options.map(([value, text]) => element("option", { value }, text)));
     const text = element("textarea", { id: "footprint", rows: 5, spellcheck: "false" });
     const alarm = element("span", { class: "wrong", role: "alert" });
-    const own = element("label", { class: "wide" }, element("span", {}, "corners ", element("span", { class: "muted" }, "(x, y in m, a line each; the origin is the middle of the axle)")), text, alarm);
+    const own = element("label", { class: "wide" }, element("span", {}, "corners ", element("span", { class: "muted" }, "(x, y in m, a line each, an empty one between parts; the origin is the middle of the axle)")), text, alarm);
     own.hidden = true;
     const use = (made, note) => { robot = made; alarm.textContent = ""; changedBy(`robot = ${note}`); };
     select.addEventListener("change", () => {
       own.hidden = select.value !== "own";
-      text.value = robot.vertices.map((one) => one.map((x) => Number(x.toFixed(4))).join(", ")).join("\n");
+      text.value = robot.outlines.map((part) => part.map((one) => one.map((x) => Number(x.toFixed(4))).join(", ")).join("\n")).join("\n\n");
       if (select.value === "scene") use(Robots.given(scene.robot), "scene");
       else if (select.value !== "own") use(Robots.given(data.robots[select.value]), select.value);
     });

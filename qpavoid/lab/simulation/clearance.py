@@ -4,19 +4,19 @@ import math
 from typing import NamedTuple
 
 from qpavoid.avoidance.bodies import Setup
-from qpavoid.avoidance.cbf_rows import wanted_distance
+from qpavoid.avoidance.cbf_rows import required_distance
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.model.capsules import are_as_many, in_robot_frame
-from qpavoid.model.contacts import contact_at, contact_table, most_contacts
+from qpavoid.model.contacts import CONTACT, CONTACT_SIZE, contact_table, most_contacts
 from qpavoid.model.kinematics import integrate
 from qpavoid.model.robot import limits_of
 from qpavoid.types import (
     Arrays,
     ArraysWritten,
-    ContactRowsWritten,
     LimitVector,
     Pose,
     Twist,
+    VectorWritten,
 )
 
 
@@ -45,7 +45,7 @@ class View(NamedTuple):
 
     world: Arrays
     seen: ArraysWritten
-    contacts: ContactRowsWritten
+    contacts: VectorWritten
 
 
 FINEST = 0.01
@@ -68,7 +68,8 @@ def greatest_pace(robot: LimitVector, v: float, omega: float, fastest: float) ->
 def _has_room(setup: Setup, motion: Motion, view: View) -> bool:
     """Return whether all that is seen, and each contact with it, has a row."""
     most = most_contacts(setup.edges, view.world)
-    return are_as_many(view.world, view.seen) and view.contacts.shape[0] >= most
+    fits = view.contacts.shape[0] >= most * CONTACT_SIZE
+    return are_as_many(view.world, view.seen) and fits
 
 
 @compiled
@@ -79,15 +80,16 @@ def room_round(
 
     Obstacles have moved since time 0. The second is exact where it is below ``most``.
     """
-    (edges, robot, settings), seen, contacts = setup, view.seen, view.contacts
+    (edges, robot, settings), seen = setup, view.seen
     in_robot_frame(pose, time, view.world, seen)
     reach = most + settings[0].r_min_fast
-    n, _ = contact_table(edges, limits_of(robot).circumradius, seen, reach, contacts)
+    radius, contacts = limits_of(robot).circumradius, view.contacts.view(CONTACT)
+    n, _ = contact_table(edges, radius, seen, reach, view.contacts)
     least = room = math.inf
     for k in range(n):
-        c = contact_at(contacts, k)
+        c = contacts[k]
         speed = math.sqrt(c.v_x * c.v_x + c.v_y * c.v_y)
-        r_min, _ = wanted_distance(settings, speed, 0.0)
+        r_min, _ = required_distance(settings, speed, 0.0)
         least, room = min(least, c.distance), min(room, c.distance - r_min)
     return least, room
 

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from qpavoid.errors import DataError
 from qpavoid.files import read_arrays, reading
+from qpavoid.model.footprint import Footprint
 from qpavoid.types import Array
 
 
@@ -57,8 +58,12 @@ class LogRow(NamedTuple):
 
 COLUMNS = LogRow._fields
 
-POLYGONS = {"corners": np.empty((1, 0, 2)), "polygons": np.empty(0)}
-"""Defaults of arrays that older logs, without polygons, lack."""
+POLYGONS = {
+    "corners": np.empty((1, 0, 2)),
+    "polygons": np.empty(0),
+    "outlines": np.empty(0),
+}
+"""Defaults of arrays that older logs, without polygons or unions, lack."""
 
 ARRAYS = (
     *("final", "final_reference", "discs", "points", "walls", "vertices"),
@@ -91,7 +96,9 @@ class Log:
         corners: (n, C, 2) corners of all polygons, one polygon after the other, over
             time, world frame.
         polygons: (P,) how many of them each has.
-        vertices: (k, 2) the footprint, robot frame.
+        vertices: (k, 2) the footprint's corners, one polygon after the other, robot
+            frame.
+        outlines: (p,) how many of them each polygon has.
     """
 
     meta: Mapping[str, Any]
@@ -104,6 +111,7 @@ class Log:
     vertices: Array
     corners: Array = field(default_factory=lambda: POLYGONS["corners"])
     polygons: Array = field(default_factory=lambda: POLYGONS["polygons"])
+    outlines: Array = field(default_factory=lambda: np.empty(0))
 
     def __repr__(self) -> str:
         meta = self.meta
@@ -124,6 +132,12 @@ class Log:
         if not len(self.polygons):
             return []
         return np.split(self.corners[step], np.cumsum(self.polygons[:-1]).astype(int))
+
+    @property
+    def footprint(self) -> Footprint:
+        """Of the robot."""
+        ends = np.cumsum(self.outlines[:-1]).astype(int)
+        return Footprint(tuple(np.split(self.vertices, ends)))
 
     def save(self, path: str | os.PathLike[str] | BinaryIO) -> None:
         """Write the log as a compressed ``.npz`` file without pickled objects."""
@@ -199,6 +213,7 @@ SHAPES = {
     "vertices": (None, 2),
     "corners": (None, None, 2),
     "polygons": (None,),
+    "outlines": (None,),
 }
 """Of the arrays beside the columns: n steps, or any number."""
 
@@ -234,7 +249,10 @@ def misfit(meta: Any, columns: Mapping[str, Array], arrays: Mapping[str, Array])
         fits = [k in (None, size) for k, size in zip(wanted, found, strict=False)]
         if len(found) != len(wanted) or not all(fits):
             return f"{name} of shape {found}"
-    if len(arrays["vertices"]) < 3:
+    footprint, parts = arrays["vertices"], arrays["outlines"]
+    if len(footprint) < 3 or (
+        len(parts) and (parts.sum() != len(footprint) or (parts < 3).any())
+    ):
         return "a footprint of fewer than three corners"
     steps, corners, _ = arrays["corners"].shape
     sizes = arrays["polygons"]

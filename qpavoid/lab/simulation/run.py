@@ -22,7 +22,7 @@ from qpavoid.types import Array, Pose, Twist
 
 
 class RobotObstacle:
-    """A robot as the others meet it: its footprint, a convex polygon under way.
+    """A robot as the others meet it: the convex parts of its footprint under way.
 
     Args:
         footprint: Of the robot.
@@ -30,7 +30,7 @@ class RobotObstacle:
     """
 
     def __init__(self, footprint: Footprint, number: int) -> None:
-        self._outline, self._number = Obstacles(polygons=[footprint.vertices]), number
+        self._outline, self._number = Obstacles(polygons=footprint.parts), number
 
     def at(
         self,
@@ -52,18 +52,18 @@ class RobotObstacle:
             dt: s
         """
         capsules, (v, omega) = self._outline.capsules.copy(), twist
-        c_x, c_y = capsules[0, PIVOT_X : PIVOT_Y + 1].tolist()
+        c_x, c_y = capsules[:, PIVOT_X], capsules[:, PIVOT_Y]
         velocity = v - omega * c_y, lateral + omega * c_x
         if dt > 0.0:
             x, y, turned = integrate((0.0, 0.0, 0.0), twist, lateral, dt)
             cos, sin = math.cos(turned), math.sin(turned)
             # The way of the centroid, by which capsules are moved: that of the axle's
             # middle, and what the turn about it adds.
-            x, y = x + cos * c_x - sin * c_y - c_x, y + sin * c_x + cos * c_y - c_y
-            velocity = x / dt, y / dt
-        capsules[:, V_X : TURN + 1] = *velocity, omega
+            d_x, d_y = x + cos * c_x - sin * c_y - c_x, y + sin * c_x + cos * c_y - c_y
+            velocity = d_x / dt, d_y / dt
+        capsules[:, V_X : TURN + 1] = np.column_stack([*velocity, omega + 0.0 * c_x])
         placed = Obstacles.of(NO_POINTS, capsules).seen_from(inverse(pose)).capsules
-        placed[:, OWNER] = self._number
+        placed[:, OWNER] = self._number + placed[:, OWNER] / len(placed)
         return placed
 
 
@@ -222,6 +222,8 @@ class _Robot:
             points=scenario.world.points,
             walls=scenario.world.walls,
             vertices=scenario.robot.footprint.vertices,
+            outlines=np.array([len(x) for x in scenario.robot.footprint.outlines])
+            * 1.0,
         )
 
 

@@ -312,7 +312,10 @@ def make_robot(model: schema.RobotModel) -> Robot:
     chosen = replace(preset.limits, **values(Limits, model))
     if model.footprint_m is None:
         return Robot(preset.name, preset.footprint, chosen)
-    return Robot("custom", Footprint.polygon(model.footprint_m), chosen)
+    polygons: list[Any] = model.footprint_m
+    if not any(isinstance(x, list) for x in polygons):
+        polygons = [polygons]
+    return Robot("custom", Footprint.union(polygons), chosen)
 
 
 def make_tracker(model: schema.TrackingModel, limits: Limits) -> Tracker:

@@ -234,14 +234,14 @@ class RobotModel(Strict):
 
     Attributes:
         preset: What is taken where a key below is not given.
-        footprint_m: Corners of a convex footprint in the robot frame,
-            counter-clockwise, with the middle of the axle at (0, 0).
+        footprint_m: Corners of a polygon in the robot frame, counter-clockwise, with
+            the middle of the axle at (0, 0); or a list of polygons, whose union it is.
         track_m: Distance between the wheels; wanted by ``wheel_speed_mps`` and wheel
             slip.
     """
 
     preset: Preset = "mir100"
-    footprint_m: list[Point] | None = None
+    footprint_m: list[Point] | list[list[Point]] | None = None
     track_m: Positive | None = None
 
 

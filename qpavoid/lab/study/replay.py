@@ -421,15 +421,16 @@ def draw_scene(replayed: Replayed, path: Path) -> None:
     from matplotlib.figure import Figure
     from matplotlib.patches import Circle
 
-    rows, outline = replayed.rows, replayed.guard.setup.robot.footprint.vertices
+    rows, outline = replayed.rows, replayed.guard.setup.robot.footprint
     parts = filter(len, np.array_split(np.arange(len(rows))[::-1], PANELS)[::-1])
     figure = Figure(figsize=(9, 6.4), layout="constrained")
     for part, axes in zip(parts, figure.subplots(2, 3).flat, strict=False):
         k = max(part.tolist(), key=lambda k: len(replayed.names[k]))
         there, (x, y, heading) = seen(replayed, k), (rows[k][key] for key in POSE)
         axes.scatter(*there.points.T, s=1.5, color="0.5")
-        corners = to_world(outline, (x, y, heading))
-        axes.fill(*corners.T, fc="white", ec="black", zorder=9)
+        for corners in outline.outlines:
+            corners = to_world(corners, (x, y, heading))
+            axes.fill(*corners.T, fc="white", ec="black", zorder=9)
         ways = there.disc_velocities.tolist()
         for (*centre, radius), way in zip(there.discs.tolist(), ways, strict=True):
             axes.add_patch(Circle(centre, radius, fc=SKY, ec=BLUE))

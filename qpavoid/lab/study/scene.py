@@ -149,10 +149,14 @@ def draw_run(
     axes.spines[:].set_color("0.6")
     zones = ("within $r$", MARGIN, "r_m"), ("within $r_{min}$", DANGER, "r_min_m")
     for label, color, name in zones if zone else ():
-        outline = to_world(offset_outline(log.vertices, log[name][step]), here)
-        axes.add_patch(Polygon(outline, label=label, lw=0, facecolor=color))
+        for part in log.footprint.parts:
+            outline = to_world(offset_outline(part, log[name][step]), here)
+            axes.add_patch(Polygon(outline, label=label, lw=0, facecolor=color))
+            label = ""
     look: dict[str, Any] = {"facecolor": "white", "edgecolor": BLACK}
-    axes.add_patch(Polygon(to_world(log.vertices, here), label="footprint", **look))
+    for i, part in enumerate(log.footprint.outlines):
+        look["label"] = "" if i else "footprint"
+        axes.add_patch(Polygon(to_world(part, here), **look))
     _draw_world(axes, log, step, len(log.polygons) - others)
     plan = log["x_ref_m"], log["y_ref_m"]
     axes.plot(*plan, "--", color=BLACK, lw=0.8, zorder=2.2, label="planned")
@@ -198,7 +202,8 @@ def draw_way(axes: Axes, log: Log, style: Style) -> None:
     length = np.cumsum(np.hypot(np.diff(log["x_m"]), np.diff(log["y_m"])))
     spacing = 1.5 * np.ptp(log.vertices[:, 0])
     steps = np.searchsorted(length, np.arange(0.0, length[-1], spacing))
-    outlines = [to_world(log.vertices, pose(log, step)) for step in steps]
+    parts = log.footprint.outlines
+    outlines = [to_world(x, pose(log, step)) for step in steps for x in parts]
     axes.plot(log["x_m"], log["y_m"], color=style.color, lw=1)
     look: dict[str, Any] = {"facecolor": "none", "edgecolor": style.color, "lw": 0.7}
     axes.add_collection(PolyCollection(outlines, **look), autolim=False)

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from qpavoid.compiled import compiled_once, entry, entry_if
 from qpavoid.model.capsules import Segment
-from qpavoid.model.contact import point_contact, wall_separation
+from qpavoid.model.contact import part_at, point_contact, wall_separation
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.robot import Robot
@@ -228,8 +228,12 @@ def mark_nearer(
                 cos * w_x + sin * w_y,
                 cos * w_y - sin * w_x,
             )
-            if wall_separation(edges, wall).distance < clearance:
-                free[n] = 0.0
+            stop = 0
+            while stop < edges.shape[0]:
+                part = part_at(edges, stop)
+                stop = part.end
+                if wall_separation(edges, part, wall).distance < clearance:
+                    free[n] = 0.0
 
 
 def scene_document(scene: ForestScene) -> dict[str, Any]:
