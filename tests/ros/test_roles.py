@@ -306,6 +306,16 @@ def test_a_driver_that_repeats_its_ranges_is_found_out():
     assert loop.guard.faults["scan blind"] > 3 and loop.world.pose[0] < -2.0
 
 
+def test_equal_ranges_of_a_robot_at_rest_are_no_fault():
+    """Seen before the first odometry, which is far from the origin."""
+    loop = Loop(World(ROOM, (), (50.0, 0.0, 0.0)), drive__mode="command")
+    ranges = World(ROOM).ranges(BEAMS)
+    loop.guard.see("scan", ros.scan(loop.now, ranges, "laser"), loop.now, loop.now)
+    loop.guard.step(loop.now, loop.now)
+    loop.world.ranges = lambda *_, **__: ranges
+    assert not any(step.faults for step in loop.run(1.0))
+
+
 @pytest.mark.parametrize(("ahead", "said"), [(-8310659.0, "-8.311e+06"), (3.0, "+3")])
 def test_a_topic_of_another_clock_is_named(ahead, said):
     loop = operated(mode="command")
