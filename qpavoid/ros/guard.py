@@ -111,7 +111,7 @@ class Wiring(NamedTuple):
         costmap_s: Greatest age of it.
         footprint: Of ``PolygonStamped``, in the base frame or one by tf.
         dock_frame: Frame of the dock, by tf.
-        dock_m: x1, y1, x2, y2, … of its convex region there, counter-clockwise.
+        dock_m: x1, y1, x2, y2, … of its region there, counter-clockwise.
         height_min_m: Points of clouds below this over the base's origin are floor.
         height_max_m: Points above this are ignored: they pass over the robot.
         mask_m: Points in the footprint grown by this may be the robot itself: those
@@ -757,7 +757,10 @@ class Guard:
         """Return whether the ranges have not changed while the robot moved."""
         here = self.trail.at(stamp)
         known, there = self._scanned.get(topic, (NO_POINTS, here))
-        if not (self._is_posed and np.array_equal(known, ranges, equal_nan=True)):
+        if not self._is_posed:
+            self._scanned.pop(topic, None)
+            return False
+        if not np.array_equal(known, ranges, equal_nan=True):
             self._scanned[topic] = ranges.copy(), here
             return False
         x, y, turn = relative(there, here)
