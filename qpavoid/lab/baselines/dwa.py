@@ -142,7 +142,7 @@ class WindowController(Baseline):
         dt, driven = self.settings.dt, context.driven
         setup, arrays = setup_of(self.robot, self.settings), obstacles.arrays
         wanted = limit_twist(setup.robot, desired, driven, dt)
-        margin = self.margin * self.settings.radius.r_min_slow
+        margin = self.margin * self.settings.radius.r_min()
         time = max(self.preview, stopping_time(setup.robot, *wanted, dt))
         if free_time(setup, arrays, margin, wanted, time) >= time:
             return None

@@ -17,7 +17,7 @@ import numpy as np
 from qpavoid.avoidance.bodies import BODY_SIZE
 from qpavoid.avoidance.decision import SENTENCES, STATUSES
 from qpavoid.avoidance.plan import fresh_state
-from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
+from qpavoid.avoidance.settings import PARTS, AvoidanceSettings, SafetyRadius
 from qpavoid.avoidance.step import PROBLEM_SIZE
 from qpavoid.errors import ConfigError, DataError, UnknownNameError
 from qpavoid.guide.geodesic import CELL
@@ -166,6 +166,7 @@ def play_page(
         "settings": [
             one for name, kind in SECTIONS.items() for one in entries(name, kind)
         ],
+        "ordered": ordered_keys(),
         "sizes": SIZES,
         "statuses": list(STATUSES),
         "sentences": {str(status): text for status, text in SENTENCES.items()},
@@ -318,6 +319,12 @@ def entries(section: str, kind: type[Any]) -> Iterator[dict[str, Any]]:
                     "range": bounds(setting),
                     "effect": said.get(setting.name, ""),
                 }
+
+
+def ordered_keys() -> list[list[str]]:
+    """Return the pairs of keys of which the first must not exceed the second."""
+    keys = {one.name: f"radius.{one.keys[0]}" for one in declared(SafetyRadius)}
+    return [[keys[low], keys[high]] for low, high in SafetyRadius.ORDERED]
 
 
 def unit_of(key: str) -> str:

@@ -348,7 +348,7 @@ class Simulation:
         edges, robot, _ = self._setup
         fastest, high = (
             greatest_speed(seen.capsules),
-            self.scenario.settings.radius.r_min_fast,
+            self.scenario.settings.radius.r_min(math.inf),
         )
         pace = greatest_pace(robot, *driven, fastest) + abs(lateral)
         if len(seen) > DENSE:
