@@ -24,14 +24,7 @@ Bound: TypeAlias = Literal["barrier", "repulsion"]
 
 
 class RadiusCurve(NamedTuple):
-    """r_min over the speed of an obstacle, for compiled functions.
-
-    Attributes:
-        r_min_slow: Up to ``speed_low``, m.
-        r_min_fast: From ``speed_high`` on, m.
-        speed_low: m/s.
-        speed_high: m/s.
-    """
+    """Fields of :class:`SafetyRadius` that give r_min, for compiled functions."""
 
     r_min_slow: float
     r_min_fast: float

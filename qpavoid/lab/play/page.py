@@ -166,7 +166,7 @@ def play_page(
         "settings": [
             one for name, kind in SECTIONS.items() for one in entries(name, kind)
         ],
-        "ordered": ordered_keys(),
+        "ordered": SafetyRadius.ORDERED,
         "sizes": SIZES,
         "statuses": list(STATUSES),
         "sentences": {str(status): text for status, text in SENTENCES.items()},
@@ -319,12 +319,6 @@ def entries(section: str, kind: type[Any]) -> Iterator[dict[str, Any]]:
                     "range": bounds(setting),
                     "effect": said.get(setting.name, ""),
                 }
-
-
-def ordered_keys() -> list[list[str]]:
-    """Return the pairs of keys of which the first must not exceed the second."""
-    keys = {one.name: f"radius.{one.keys[0]}" for one in declared(SafetyRadius)}
-    return [[keys[low], keys[high]] for low, high in SafetyRadius.ORDERED]
 
 
 def unit_of(key: str) -> str:
