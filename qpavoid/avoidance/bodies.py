@@ -22,7 +22,7 @@ from qpavoid.avoidance.cbf_rows import (
     tangent_at,
     tolerated,
 )
-from qpavoid.avoidance.settings import FilterSettings
+from qpavoid.avoidance.settings import FilterSettings, is_slow, least_radius
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.capsules import (
     OWNER,
@@ -367,7 +367,8 @@ def bodies_in_reach(scene: Scene, obstacles: Arrays, age: float, horizon: float)
         if body.kind == MOVES:
             near = apart < radius + (body.speed + fastest) * horizon
         elif body.kind == CREEPS:
-            near = body.growth <= s.speed_low and apart < still + body.growth * stop
+            slow = is_slow(scene.settings, body.growth)
+            near = slow and apart < still + body.growth * stop
         if near:
             bodies[count] = body
             cap_now(scene, bodies[count])
@@ -390,7 +391,7 @@ def tangent_of_nearest(scene: Scene, count: int, side: Pair) -> Tangent:
     With its inflation. Arguments as :func:`qpavoid.avoidance.cbf_rows.nearest_tangent`.
     """
     slack, nearest = tolerance(scene), no_tangent(side)
-    near = scene.settings[0].r_min_slow - slack - ROUNDED_IN
+    near = least_radius(scene.settings) - slack - ROUNDED_IN
     for i in range(count):
         body = scene.bodies[i]
         distance = body.required - body.beyond_r_min - slack
@@ -422,7 +423,7 @@ def cap_behind(scene: Scene, count: int, tangent: Tangent) -> None:
 def point_body(scene: Scene, place: Pair, required: float, owner: int) -> Body:
     """Return a static point with the required distance ``required``, m."""
     (x, y), z = place, 0.0
-    beyond = required - scene.settings[0].r_min_slow
+    beyond = required - least_radius(scene.settings)
     if scene.settings[0].closing_gain > 0.0:
         required += closing_margin(scene, place, (0.0, 0.0))
     # fmt: off

@@ -16,6 +16,7 @@ from qpavoid.avoidance.settings import (
     FilterSettings,
     activation,
     come_since,
+    least_radius,
     radius_curve,
     safety_radius,
     widening,
@@ -43,7 +44,7 @@ R_MIN_TOLERANCE = 1e-3
 @compiled
 def tolerated(settings: npt.NDArray[np.void]) -> float:
     """Return ε, m."""
-    return float(min(R_MIN_TOLERANCE, 0.5 * settings[0].r_min_slow))
+    return float(min(R_MIN_TOLERANCE, 0.5 * least_radius(settings)))
 
 
 @entry
@@ -143,7 +144,7 @@ def is_too_old(contacts: Table, settings: npt.NDArray[np.void], age: float) -> b
         c = contacts[k]
         _, required = required_distance(settings, speed_of(c), age)
         come = come_since(speed_of(c), age, s.obstacle_acceleration)
-        if come > s.r_min_slow and c.distance < required:
+        if come > least_radius(settings) and c.distance < required:
             return True
     return False
 

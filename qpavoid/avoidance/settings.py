@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, field, fields, is_dataclass
-from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, get_args
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -24,14 +24,7 @@ Bound: TypeAlias = Literal["barrier", "repulsion"]
 
 
 class RadiusCurve(NamedTuple):
-    """r_min over the speed of an obstacle, for compiled functions.
-
-    Attributes:
-        r_min_slow: Up to ``speed_low``, m.
-        r_min_fast: From ``speed_high`` on, m.
-        speed_low: m/s.
-        speed_high: m/s.
-    """
+    """Fields of :class:`SafetyRadius` that give r_min, for compiled functions."""
 
     r_min_slow: float
     r_min_fast: float
@@ -57,6 +50,18 @@ def safety_radius(speed: float, curve: RadiusCurve) -> float:
         return c.r_min_fast
     rise = (c.r_min_fast - c.r_min_slow) * (speed - c.speed_low)
     return c.r_min_slow + rise / (c.speed_high - c.speed_low)
+
+
+@compiled
+def least_radius(settings: npt.NDArray[np.void]) -> float:
+    """Return r_min of an obstacle at rest, m, of a settings record."""
+    return safety_radius(0.0, radius_curve(settings))
+
+
+@compiled
+def is_slow(settings: npt.NDArray[np.void], speed: float) -> bool:
+    """Return whether an obstacle's speed, m/s, is one up to which r_min is least."""
+    return bool(speed <= settings[0].speed_low)
 
 
 @entry
@@ -96,18 +101,25 @@ class SafetyRadius:
     zone_ratio: Annotated[float, Range(ge=1.0, allow_inf_nan=False)] = 4.0 / 3.0
     closing_gain: Annotated[float, "s", NOT_NEGATIVE] = 0.0
 
+    ORDERED: ClassVar = (("r_min_slow", "r_min_fast"), ("speed_low", "speed_high"))
+    """Pairs of fields of which the first must not exceed the second."""
+
     def __post_init__(self) -> None:
         wants = "a safety radius needs"
         check(self, wants)
-        ordered = self.r_min_slow <= self.r_min_fast
-        want(ordered, f"{wants} 0 <= r_min_slow <= r_min_fast")
-        want(self.speed_low <= self.speed_high, f"{wants} 0 <= speed_low <= speed_high")
+        for low, high in self.ORDERED:
+            ordered = getattr(self, low) <= getattr(self, high)
+            want(ordered, f"{wants} 0 <= {low} <= {high}")
+
+    @staticmethod
+    def keys_of(slow: float, fast: float) -> dict[str, float]:
+        """Return the keys in files for r_min of slow and of fast obstacles, m."""
+        return {"r_min_slow_m": slow, "r_min_fast_m": fast}
 
     @property
     def curve(self) -> RadiusCurve:
         """The curve for compiled functions."""
-        slow, fast = self.r_min_slow, self.r_min_fast
-        return RadiusCurve(slow, fast, self.speed_low, self.speed_high)
+        return RadiusCurve(*(getattr(self, name) for name in RadiusCurve._fields))
 
     def r_min(self, speed: float = 0.0) -> float:
         """Return r_min in m for an obstacle's speed in m/s."""

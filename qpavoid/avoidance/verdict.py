@@ -68,6 +68,7 @@ from qpavoid.avoidance.margin import (
     too_near,
 )
 from qpavoid.avoidance.plan import Plan, Rollout, hold, roll_out, whole_steps
+from qpavoid.avoidance.settings import least_radius
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.robot import braking_steps, braking_twist, limit_twist, limits_of
 from qpavoid.types import Pair
@@ -234,7 +235,7 @@ def may_move(scene: Scene, twist: Pair, margin: float) -> bool:
     s, touches = scene.settings[0], scene.clearance <= 0.0
     if touches and not leaves_contacts(scene, twist):
         return False
-    caught = s.passive != 0 and (touches or margin < -s.r_min_slow)
+    caught = s.passive != 0 and (touches or margin < -least_radius(scene.settings))
     return not caught or rests_in_time(scene, twist)
 
 

@@ -125,8 +125,8 @@ MEMBERS = {
 }
 """Names that members of a struct must not have."""
 
-LIBM = """sqrt sin cos tan asin acos atan atan2 hypot exp log copysign fabs isfinite
-isinf isnan""".split()
+LIBM = """sqrt sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh hypot
+exp expm1 log log1p log2 log10 erf erfc copysign fabs isfinite isinf isnan""".split()
 """Functions of ``math`` that C has under the same name."""
 
 RESERVED = {

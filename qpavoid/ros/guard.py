@@ -797,7 +797,7 @@ class Guard:
     def _away(self) -> float:
         """Distance of the border from the outline, m: required, and to stop."""
         s, v = self.setup.settings, abs(self.driven[0])
-        kept = s.radius.r_min_slow + s.margins.error
+        kept = s.radius.r_min() + s.margins.error
         way = v * (s.dt + s.actuation.delay)
         way += 0.5 * v * v / self.setup.robot.limits.acceleration
         return kept + max(0.5 * kept, LEAST_AWAY) + way

@@ -1,5 +1,6 @@
 """Diagnostics and markers of the node, as plain values."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -116,7 +117,7 @@ def markers(guard: Guard, step: GuardStep) -> list[Drawing]:
     footprint, radius = robot.footprint, settings.radius
     slow, fast = (
         sides([offset_outline(x, r, 5) for x in footprint.parts])
-        for r in (radius.r_min_slow, radius.r_min_fast)
+        for r in (radius.r_min(), radius.r_min(math.inf))
     )
     body = (0.8, 0.1, 0.1, 1.0) if brakes else (0.1, 0.4, 0.8, 1.0)
     made = Setup(robot.footprint.edges, robot.limit_vector, settings.record())

@@ -141,7 +141,7 @@ class WindowController(Baseline):
         """Return the best twist of the window; None: the desired twist."""
         setup, arrays = self.setup, obstacles.arrays
         wanted = self.limited(desired, context)
-        margin = self.margin * self.settings.radius.r_min_slow
+        margin = self.margin * self.settings.radius.r_min()
         rest = stopping_time(setup.robot, *wanted, self.settings.dt)
         time = max(self.preview, rest)
         if free_time(setup, arrays, margin, wanted, time) >= time:

@@ -137,5 +137,5 @@ class StopController(Baseline):
         """Return whether a twist keeps the margin until rest, and for ``least`` s."""
         setup = self.setup
         time = max(least, stopping_time(setup.robot, *twist, self.settings.dt))
-        margin = self.margin * self.settings.radius.r_min_slow
+        margin = self.margin * self.settings.radius.r_min()
         return free_time(setup, obstacles.arrays, margin, twist, time) >= time

@@ -17,7 +17,7 @@ import numpy as np
 from qpavoid.avoidance.bodies import BODY_SIZE
 from qpavoid.avoidance.decision import SENTENCES, STATUSES
 from qpavoid.avoidance.plan import fresh_state
-from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
+from qpavoid.avoidance.settings import PARTS, AvoidanceSettings, SafetyRadius
 from qpavoid.avoidance.step import PROBLEM_SIZE
 from qpavoid.errors import ConfigError, DataError, UnknownNameError
 from qpavoid.guide.geodesic import CELL
@@ -166,6 +166,7 @@ def play_page(
         "settings": [
             one for name, kind in SECTIONS.items() for one in entries(name, kind)
         ],
+        "ordered": SafetyRadius.ORDERED,
         "sizes": SIZES,
         "statuses": list(STATUSES),
         "sentences": {str(status): text for status, text in SENTENCES.items()},

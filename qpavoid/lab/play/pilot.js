@@ -23,8 +23,6 @@ const Pilot = (() => {
     return WebAssembly.compile(await new Response(stream).arrayBuffer());
   }
 
-  const radiusOf = ({ r_min_slow, r_min_fast, speed_low, speed_high }) => ({ r_min_slow, r_min_fast, speed_low, speed_high });
-
   /** Settings as the compiled functions take them, by the names of their record. */
   function recorded({ settings, entries, dt, method }, sections) {
     const found = { dt };
@@ -199,7 +197,7 @@ const Pilot = (() => {
       const { kernel, known } = this;
       const [, row] = kernel.contact_table(this.setup.edges, this.radius, seen, 0, this.contacts);
       const near = row < 0 ? { distance: Infinity, v_x: 0, v_y: 0, obstacle: -1 } : kernel.contact_at(this.contacts, row);
-      const rmin = kernel.safety_radius(Math.hypot(near.v_x, near.v_y), radiusOf(known));
+      const [rmin] = kernel.required_distance(this.setup.settings, Math.hypot(near.v_x, near.v_y), 0);
       const [c, s] = [Math.cos(pose[2]), Math.sin(pose[2])];
       const contact = row < 0 ? null : [pose[0] + c * near.x - s * near.y, pose[1] + s * near.x + c * near.y];
       return { clearance: near.distance, rmin, r: known.zone_ratio * rmin, obstacle: near.obstacle, contact };

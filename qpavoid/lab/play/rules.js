@@ -1,13 +1,14 @@
 "use strict";
 /* Which settings fit together.
-Rules.misfit(settings, dt)   what is wrong with them; empty: nothing */
+Rules.misfit(settings, dt, entries, ordered)   what is wrong with them; empty: nothing. ordered:
+    pairs of names of the radius, of which the first must not exceed the second; entries: their keys */
 
 const Rules = (() => {
   /** What is wrong with settings that do not fit together; empty: nothing. */
-  function misfit(one, dt) {
+  function misfit(one, dt, entries, ordered) {
+    const radius = (name) => one[`radius.${entries.find((entry) => entry.section === "radius" && entry.name === name).key}`];
     const wants = [
-      [one["radius.r_min_slow_m"] <= one["radius.r_min_fast_m"], "r_min_slow ≤ r_min_fast is wanted"],
-      [one["radius.speed_low_mps"] <= one["radius.speed_high_mps"], "speed_low ≤ speed_high is wanted"],
+      ...ordered.map(([low, high]) => [radius(low) <= radius(high), `${low} ≤ ${high} is wanted`]),
       [one["ahead.tick_s"] <= one["ahead.horizon_s"], "tick ≤ horizon is wanted"],
       [one["ahead.horizon_s"] / one["ahead.tick_s"] <= 1000, "at most 1000 ticks in the horizon"],
       [one["ahead.horizon_still_s"] <= one["ahead.horizon_s"], "horizon_still ≤ horizon is wanted"],

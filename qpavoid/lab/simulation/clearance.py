@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.cbf_rows import required_distance
+from qpavoid.avoidance.settings import radius_curve, safety_radius
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.model.capsules import are_as_many, in_robot_frame
 from qpavoid.model.contacts import CONTACT, CONTACT_SIZE, contact_table, most_contacts
@@ -82,7 +83,7 @@ def room_round(
     """
     (edges, robot, settings), seen = setup, view.seen
     in_robot_frame(pose, time, view.world, seen)
-    reach = most + settings[0].r_min_fast
+    reach = most + safety_radius(math.inf, radius_curve(settings))
     radius, contacts = limits_of(robot).circumradius, view.contacts.view(CONTACT)
     n, _ = contact_table(edges, radius, seen, reach, view.contacts)
     least = room = math.inf

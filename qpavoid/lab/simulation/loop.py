@@ -307,10 +307,8 @@ class Simulation:
         can come as near as the nearest is now, less their r_min.
         """
         edges, robot, _ = self._setup
-        fastest, high = (
-            greatest_speed(seen.capsules),
-            self.scenario.settings.radius.r_min_fast,
-        )
+        fastest = greatest_speed(seen.capsules)
+        high = self.scenario.settings.radius.r_min(math.inf)
         pace = greatest_pace(robot, *driven, fastest) + abs(lateral)
         if len(seen) > DENSE:
             near = limits_of(robot).circumradius + distance

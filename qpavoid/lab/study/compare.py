@@ -1,6 +1,7 @@
 """Controllers × scenarios under identical conditions: runs, tables, files."""
 
 import json
+import math
 from collections.abc import Callable, Iterable, Sequence
 from itertools import product
 from pathlib import Path
@@ -131,7 +132,7 @@ def table(scenario: Scenario, summary: Sequence[Metrics]) -> Table:
         radius = scenario.settings.radius
         result.caption_justify = "left"
         result.caption = (
-            f"r_min is {radius.r_min_slow:g} m ({radius.r_min_fast:g} m of fast "
+            f"r_min is {radius.r_min():g} m ({radius.r_min(math.inf):g} m of fast "
             "obstacles); qp-ahead and the guide keep it to a tolerance of "
             f"{1e3 * R_MIN_TOLERANCE:g} mm, and all below it by more than "
             f"{1e3 * BELOW:g} mm is counted."

@@ -14,6 +14,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from qpavoid.avoidance.settings import SafetyRadius
 from qpavoid.errors import DataError
 from qpavoid.files import read_array, read_text, reading
 from qpavoid.lab.worlds.source import FAR, data_folders, find_file
@@ -153,7 +154,7 @@ def jackal(speed: float) -> dict[str, Any]:
             "k_gamma_radps": 3.0,
             "waiting": True,
         },
-        "radius": {"r_min_slow_m": 0.1, "r_min_fast_m": 0.1},
+        "radius": SafetyRadius.keys_of(0.1, 0.1),
     }
 
 

@@ -17,6 +17,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
+from qpavoid.avoidance.settings import SafetyRadius
 from qpavoid.errors import DataError, UnknownNameError
 from qpavoid.files import read_text, reading
 from qpavoid.lab.planning.grid import length
@@ -229,7 +230,7 @@ def task_document(task: Task) -> dict[str, Any]:
         },
         "tracking": {"waiting": True, "station_keeping": True, "k_y_rad_per_m2": 4.0},
         "filter": {"passive": True},
-        "radius": {"r_min_slow_m": 0.05, "r_min_fast_m": 0.1},
+        "radius": SafetyRadius.keys_of(0.05, 0.1),
         "obstacles": [
             {
                 "kind": "waypoints",

@@ -16,6 +16,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
+from qpavoid.avoidance.settings import SafetyRadius
 from qpavoid.errors import DataError
 from qpavoid.lab.planning.grid import Grid, cheapest_way, costs_of, length
 from qpavoid.lab.worlds.map_server import find_map, map_digest, read_map
@@ -138,7 +139,7 @@ def map_document(path: Path, file: str, seed: int) -> dict[str, Any]:
             },
         },
         "tracking": {"waiting": True, "k_y_rad_per_m2": 4.0},
-        "radius": {"r_min_slow_m": rover.radius[0], "r_min_fast_m": rover.radius[1]},
+        "radius": SafetyRadius.keys_of(*rover.radius),
         "sight_m": 6.0,
         "obstacles": [
             {"kind": "map", "file": file},
