@@ -78,6 +78,9 @@ NOT_PLAYED = ("estimation", "sight_m", "localisation", "plant", "planner", "robo
 NOT_MEASURED = {"fade": "fade", "sweep": "sweep_s", "delay": "delay_s"}
 """Settings of a LiDAR, and their keys: here scans are taken at once."""
 
+STICKING = "v_dead", "omega_dead"
+"""Limits that are no numbers of the compiled functions: the page's motors move."""
+
 
 def place(layout: np.dtype[Any], field: str) -> int:
     """Return the place of a field among the 32-bit numbers of a record."""
@@ -301,6 +304,8 @@ def entries(section: str, kind: type[Any]) -> Iterator[dict[str, Any]]:
     said = attributes_of(kind)
     for setting in declared(kind):
         if setting.name in NOT_MEASURED and section == "lidar":
+            continue
+        if setting.name in STICKING:
             continue
         names = RECORD_NAMES.get(setting.name, (setting.name,))
         if section != "margins" and setting.name == "acceleration":
