@@ -108,3 +108,6 @@ class CasadiBackEnd:
             self._programs[size] = self.made(self._plugin, self.settings, *size)
         self.last = self._programs[size]
         return self.last.solve(problem)
+
+
+BACK_END = CasadiBackEnd

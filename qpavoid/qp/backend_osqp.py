@@ -82,3 +82,6 @@ class OSQPBackEnd:
         low[n:used] = problem.offsets
         entries = dense.T.ravel(), np.tile(np.arange(size), n), np.arange(n + 1) * size
         return csc_matrix(entries, (size, n)), low, high
+
+
+BACK_END = OSQPBackEnd

@@ -69,3 +69,6 @@ class QPSolversBackEnd:
             **self.settings,
         )
         return np.full(n, math.nan) if z is None else np.asarray(z)
+
+
+BACK_END = QPSolversBackEnd

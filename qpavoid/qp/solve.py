@@ -3,7 +3,9 @@
 import math
 from collections.abc import Callable
 from functools import partial
+from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple, Protocol
 
@@ -53,34 +55,24 @@ def _exact() -> BackEnd:
     return project
 
 
-def _osqp() -> BackEnd:
-    from qpavoid.qp.backend_osqp import OSQPBackEnd
-
-    return OSQPBackEnd()
-
-
-def _qpsolvers(name: str) -> BackEnd:
-    from qpavoid.qp.backend_qpsolvers import QPSolversBackEnd
-
-    return QPSolversBackEnd(name)
-
-
-def _casadi(plugin: str) -> BackEnd:
-    from qpavoid.qp.backend_casadi import CasadiBackEnd
-
-    return CasadiBackEnd(plugin)
+def _load(kind: str, *solver: str) -> BackEnd:
+    """Return a fresh ``BACK_END`` of the module ``qpavoid.qp.backend_kind``."""
+    made: BackEnd = import_module(f"qpavoid.qp.backend_{kind}").BACK_END(*solver)
+    return made
 
 
 BACK_ENDS = {
     "exact": BackEndEntry(_exact, "numpy", ""),
-    "osqp": BackEndEntry(_osqp, "osqp", ""),
-    "casadi": BackEndEntry(partial(_casadi, "qrqp"), "casadi", ""),
+    "osqp": BackEndEntry(partial(_load, "osqp"), "osqp", ""),
+    "casadi": BackEndEntry(partial(_load, "casadi", "qrqp"), "casadi", ""),
     **{
-        f"casadi:{plugin}": BackEndEntry(partial(_casadi, plugin), "casadi", "")
+        f"casadi:{plugin}": BackEndEntry(partial(_load, "casadi", plugin), "casadi", "")
         for plugin in ("qrqp", "osqp", "daqp", "piqp")
     },
     **{
-        f"qpsolvers:{name}": BackEndEntry(partial(_qpsolvers, name), module, extra)
+        f"qpsolvers:{name}": BackEndEntry(
+            partial(_load, "qpsolvers", name), module, extra
+        )
         for name, module, extra in (
             ("daqp", "daqp", ""),
             ("osqp", "osqp", ""),
@@ -93,7 +85,16 @@ BACK_ENDS = {
         )
     },
 }
-"""All back ends by name."""
+_MODULES = {
+    file.stem.removeprefix("backend_")
+    for file in Path(__file__).parent.glob("backend_*.py")
+}
+BACK_ENDS |= {
+    kind: BackEndEntry(partial(_load, kind), kind, kind)
+    for kind in sorted(_MODULES - {name.partition(":")[0] for name in BACK_ENDS})
+}
+"""All back ends by name. A module ``backend_NAME`` that is not named above is a back
+end of that name, package and extra."""
 
 
 def back_end_names() -> tuple[str, ...]:
@@ -121,7 +122,7 @@ def find_back_end(name: str) -> BackEndEntry:
         import qpsolvers
 
         if solver in qpsolvers.available_solvers:
-            return BackEndEntry(partial(_qpsolvers, solver), "qpsolvers", "")
+            return BackEndEntry(partial(_load, "qpsolvers", solver), "qpsolvers", "")
     if name not in BACK_ENDS:
         raise UnknownNameError("back end", name, BACK_ENDS)
     if not is_installed(name):
