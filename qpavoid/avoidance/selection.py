@@ -26,9 +26,9 @@ from qpavoid.avoidance.margin import (
     too_near,
 )
 from qpavoid.avoidance.plan import (
+    AS_COMMANDED,
     BRAKED,
     CARRIED,
-    AS_COMMANDED,
     PROPOSED,
     SEARCHED,
     Plan,
