@@ -30,15 +30,9 @@ import numpy as np
 
 from crowdnav_cases import Crowd
 from crowdnav_robots import FEET, Driven, Holonomic, Row
-from crowdnav_world import (
-    CASES,
-    FIRST_SEED,
-    START,
-    TICK,
-    TICKS,
-    judge_tick,
-)
+from crowdnav_world import CASES, FIRST_SEED, RADIUS, TICK
 from qpavoid.errors import QPAvoidError
+from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.simulation.methods import check_methods
 from qpavoid.lab.simulation.outcome import CRAWL, PROGRESS, STALLED
 from qpavoid.lab.study.tables import write_csv
@@ -64,19 +58,26 @@ def run_case(method: str, crowd: Crowd, case: int) -> Row:
 
 
 def episode(method: str, crowd: Crowd, case: int) -> Row:
-    """Return the outcome of a case."""
-    people = crowd.meet(case)
-    robot = Holonomic(crowd) if method == HOLONOMIC else Driven(method, crowd)
-    ends, event = [START], ""
-    for k in range(TICKS):
+    """Return the outcome of a case; ``METHOD@lidar`` sees by a LiDAR and perception."""
+    people, (name, _, lidar) = crowd.meet(case), method.partition("@")
+    if name == HOLONOMIC:
+        robot: Holonomic | Driven = Holonomic(crowd, people)
+    else:
+        seen = LidarSettings(range=crowd.sight, seed=case) if lidar else None
+        robot = Driven(name, crowd, people, seen)
+    ends, event, intrusions = [people.start], "", 0
+    for k in range(crowd.ticks):
         people.decide()
         way = robot.drive(k * TICK, people)
-        event = judge_tick(people, way[0], way[-1])
+        event = people.judge(way[0], way[-1])
         ends.append(way[-1])
         people.move()
         if event:
             break
-    return judged(event, np.array(ends)) | robot.row()
+        away = np.linalg.norm(people.future()[0] - way[-1], axis=-1)
+        intrusions += int((away < 2 * RADIUS).any())
+    share = 100.0 * intrusions / (len(ends) - 1)
+    return judged(event, np.array(ends)) | {"intrusion_percent": share} | robot.row()
 
 
 def judged(event: str, ends: Array) -> Row:

@@ -1,24 +1,24 @@
 """CrowdNav's cases as scenarios: robot, reference and walking people."""
 
 import math
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from crowdnav_changing import TICKS as CHANGING_TICKS
+from crowdnav_changing import SIGHT, ChangingPeople
 from crowdnav_world import (
     FIRST_SEED,
-    GOAL,
     RADIUS,
     SPEED,
-    START,
     TICK,
     TICKS,
     People,
     draw_people,
 )
 from qpavoid.lab.simulation.scenario import Scenario, make_scenario
+from qpavoid.types import Array
 
 ANGLES = 2.0 * np.pi * np.arange(12) / 12
 FOOTPRINT = RADIUS * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
@@ -31,28 +31,45 @@ class Crowd(NamedTuple):
     Attributes:
         phase: ``test``, ``val`` or ``train``.
         people: Number of people.
+        changing: Crossing of people whose goals change, ``circle`` or ``square``;
+            empty: CrowdNav's people.
     """
 
     phase: str = "test"
     people: int = 5
+    changing: str = ""
 
     @property
     def name(self) -> str:
         """Name in tables."""
-        return f"{self.people} people"
+        return f"{self.people} people" + (self.changing and f", {self.changing}")
+
+    @property
+    def sight(self) -> float:
+        """Distance from the robot's centre to the farthest disc that it sees, m."""
+        return SIGHT + RADIUS if self.changing else math.inf
+
+    @property
+    def ticks(self) -> int:
+        """Ticks until a robot that has not arrived is late."""
+        return CHANGING_TICKS if self.changing else TICKS
 
     def meet(self, case: int) -> People:
         """Return the people of a case."""
-        return People(*draw_people(FIRST_SEED[self.phase] + case, self.people))
+        seed = FIRST_SEED[self.phase] + case
+        if self.changing:
+            return ChangingPeople(seed, self.people, self.changing)
+        return People(*draw_people(seed, self.people))
 
 
-def make_document() -> dict[str, Any]:
+def make_document(start: Array, goal: Array, ticks: int) -> dict[str, Any]:
     """Return robot, reference and settings as a scenario file, without people."""
+    (x, y), heading = start.tolist(), math.atan2(*(goal - start)[::-1].tolist())
     return {
         "title": "CrowdNav",
-        "duration_s": TICK * (TICKS + 1),
+        "duration_s": TICK * (ticks + 1),
         "dt_s": 0.05,
-        "start": {"x_m": START[0], "y_m": START[1], "heading_rad": math.pi / 2},
+        "start": {"x_m": x, "y_m": y, "heading_rad": heading},
         "robot": {
             "footprint_m": FOOTPRINT.tolist(),
             "v_min_mps": -SPEED,
@@ -62,7 +79,7 @@ def make_document() -> dict[str, Any]:
         },
         "reference": {
             "kind": "spline",
-            "points_m": [START.tolist(), GOAL.tolist()],
+            "points_m": [start.tolist(), goal.tolist()],
             "speed_mps": SPEED,
         },
         "tracking": {"waiting": True, "station_keeping": True, "k_y_rad_per_m2": 4.0},
@@ -71,7 +88,7 @@ def make_document() -> dict[str, Any]:
     }
 
 
-@lru_cache
-def make_scene() -> Scenario:
+def make_scene(people: People, ticks: int) -> Scenario:
     """Return robot, reference and settings; the simulation adds the people."""
-    return make_scenario(make_document(), "crowdnav", Path("crowdnav"))
+    document = make_document(people.start, people.goal, ticks)
+    return make_scenario(document, "crowdnav", Path("crowdnav"))
