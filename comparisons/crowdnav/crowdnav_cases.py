@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowdnav_changing import TICKS as CHANGING_TICKS
 from crowdnav_changing import SIGHT, ChangingPeople
+from crowdnav_changing import TICKS as CHANGING_TICKS
 from crowdnav_world import (
     FIRST_SEED,
     RADIUS,

@@ -82,7 +82,8 @@ class ChangingPeople(People):
         """Return a place on the circle with noise between two bounds, m."""
         angle = self._random.uniform(0.0, 2.0 * np.pi)
         noise = self._random.uniform(low, high, 2)
-        return CIRCLE * np.array([np.cos(angle), np.sin(angle)]) + noise
+        place: Array = CIRCLE * np.array([np.cos(angle), np.sin(angle)]) + noise
+        return place
 
     def _in_square(self, side: float) -> Array:
         """Return a place in the right (1) or left (−1) half of the square, m."""
@@ -114,18 +115,24 @@ class ChangingPeople(People):
         super().move()
         self._tick += 1
         if self._tick % round(PERIOD / TICK) == 0:
-            half = 0.5 * SPEED
-            for i in np.flatnonzero(self._random.random(len(self.goals)) <= CHANCE):
-                near = {
-                    "circle": partial(self._on_circle, -half, half),
-                    "square": lambda: self._random.uniform(-ARENA, ARENA, 2),
-                }
-                self.goals[i] = self._free(i, near[self._crossing])
+            chosen = self._random.random(len(self.goals)) <= CHANCE
+            for i in np.flatnonzero(chosen).tolist():
+                self.goals[i] = self._free(i, self._new_goal)
         away = np.linalg.norm(self.goals - self.places, axis=1)
-        for i in np.flatnonzero(away < self.radii):
+        for i in np.flatnonzero(away < self.radii).tolist():
             self._begin(i)
 
+    def _new_goal(self) -> Array:
+        """Return a place on the circle with noise of ±0.5 m, or in the square."""
+        if self._crossing == "circle":
+            return self._on_circle(-0.5 * SPEED, 0.5 * SPEED)
+        return self._random.uniform(-ARENA, ARENA, 2)
+
     def future(self) -> tuple[Array, Array]:
+        """Return positions and velocities (5, n, 2), m and m/s, of the next ticks.
+
+        They are those to come if no goal changes.
+        """
         states = [(self.places, self.before)]
         for _ in range(AHEAD):
             velocities = self._minds(*states[-1], self.goals)

@@ -12,6 +12,7 @@ from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.simulation.log import COLUMNS
 from qpavoid.lab.simulation.simulation import Simulation
 from qpavoid.model.obstacles import Obstacles
+from qpavoid.perception.settings import PerceptionSettings
 from qpavoid.types import Array, Pose
 
 Row: TypeAlias = dict[str, Any]
@@ -19,6 +20,9 @@ Row: TypeAlias = dict[str, Any]
 NOTED = [COLUMNS.index(x) for x in ("clearance_m", "room_m", "solve_time_s")]
 FEET = "start_clearance_m", "min_room_m", "solve_us", "solve_p99_us"
 """Columns of a step, and those of a row that are made of them."""
+
+BODIES = PerceptionSettings(radius=0.4)
+"""Of perception: the mean radius of people whose goals change."""
 
 
 @dataclass
@@ -63,7 +67,7 @@ class Driven:
         self._shown = Shown(people.before, crowd.sight)
         scene = make_scene(people, crowd.ticks)
         sensor = self._shown if lidar is None else None
-        scene = replace(scene, sensor=sensor, lidar=lidar)
+        scene = replace(scene, sensor=sensor, lidar=lidar, perception=BODIES)
         self._simulation = Simulation(scene, method)
         self._discs = np.empty((crowd.people, 3))
         self._times = scene.dt * np.arange(round(TICK / scene.dt))
@@ -97,7 +101,11 @@ class Holonomic:
     """
 
     def __init__(self, crowd: Crowd, people: People) -> None:
-        self._sight, self._place, self._velocity = crowd.sight, people.start, np.zeros(2)
+        self._sight, self._place, self._velocity = (
+            crowd.sight,
+            people.start,
+            np.zeros(2),
+        )
 
     def drive(self, time: float, people: People) -> Array:
         """Go on for a tick, and return the places (2, 2), m, at both its ends."""

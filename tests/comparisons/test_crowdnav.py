@@ -6,12 +6,15 @@ import sys
 import numpy as np
 import pytest
 
+from places import COMPARISONS
 from qpavoid.errors import ConfigError
 
 pytest.importorskip("pyrvo", reason="needs qpavoid[baselines]")
 crowdnav = pytest.importorskip("crowdnav", reason="needs qpavoid[study]")
 world = pytest.importorskip("crowdnav_world")
 import crowdnav_cases
+
+SHARES = "success", "collision", "at_rest", "timeout"
 
 
 def drawn_as_there(seed, count):
@@ -68,12 +71,11 @@ def test_orca_is_as_published():
     assert np.mean(times) == pytest.approx(10.86, abs=0.5)
 
 
-def test_a_lone_disc_wants_its_speed_and_slows_down_in_the_last_metre():
-    mind = world.Orca(0)
-    for away, speed in ((5.0, 1.0), (0.4, 0.4)):
-        goal = np.array([0.6, 0.8]) * away
-        found = mind(np.zeros((1, 2)), np.zeros((1, 2)), goal)
-        assert found == pytest.approx(goal / away * speed, abs=1e-6)
+@pytest.mark.parametrize(("away", "speed"), [(5.0, 1.0), (0.4, 0.4)])
+def test_a_lone_disc_wants_its_speed_and_slows_down_in_the_last_metre(away, speed):
+    people = world.People(np.zeros((1, 2)), np.array([[0.6, 0.8]]) * away)
+    people.decide()
+    assert people.velocities[0] == pytest.approx(np.array([0.6, 0.8]) * speed, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -89,7 +91,7 @@ def test_a_lone_disc_wants_its_speed_and_slows_down_in_the_last_metre():
 def test_a_tick_is_judged_by_the_velocities_before(place, before, end, event):
     people = world.People(np.array([place]), np.array([place]))
     people.before = np.array([before])
-    assert world.judge_tick(people, np.array([0.0, 3.9]), np.array(end)) == event
+    assert people.judge(np.array([0.0, 3.9]), np.array(end)) == event
 
 
 def test_a_robot_sees_velocities_when_they_have_been_driven():
@@ -100,7 +102,8 @@ def test_a_robot_sees_velocities_when_they_have_been_driven():
         return 0.5, 0.0
 
     crowd = crowdnav.Crowd(people=3)
-    robot, people = crowdnav.Driven(method, crowd), crowd.meet(0)
+    people = crowd.meet(0)
+    robot = crowdnav.Driven(method, crowd, people)
     speeds = [np.zeros(3)]
     for k in range(2):
         people.decide()
@@ -111,6 +114,67 @@ def test_a_robot_sees_velocities_when_they_have_been_driven():
     assert way[-1] == pytest.approx([0.0, -3.75])
     now = [0, *[1] * 5, *[2] * 4]
     assert seen == [pytest.approx(speeds[k]) for k in now]
+
+
+@pytest.mark.parametrize("crossing", ["circle", "square"])
+def test_people_change_their_goals_and_are_replaced_when_they_arrive(crossing):
+    people = crowdnav.Crowd(people=20, changing=crossing).meet(0)
+    assert np.linalg.norm(people.start - people.goal) >= 8.0
+    if crossing == "circle":
+        assert people.goals == pytest.approx(-people.places)
+    assert 0.3 <= people.radii.min() < 0.35 and 0.45 < people.radii.max() <= 0.5
+    changed = replaced = 0
+    for tick in range(1, 81):
+        people.decide()
+        assert np.hypot(*people.velocities.T).max() <= 1.5
+        goals, radii, came = people.goals.copy(), people.radii.copy(), people.at(0.25)
+        people.move()
+        new = people.radii != radii
+        near = np.linalg.norm(came - goals, axis=1) < radii
+        other = (people.goals != goals).any(axis=1) & ~new
+        replaced += new.sum()
+        assert not (near & ~new & ~other).any() and not people.before[new].any()
+        assert tick % 20 == 0 or not other.any()
+        changed += other.sum()
+    assert 25 <= changed <= 55, "half of 20 people four times"
+    assert replaced > 0
+
+
+def test_a_changing_crowd_is_judged_by_present_discs():
+    people = crowdnav.Crowd(people=1, changing="circle").meet(0)
+    people.decide()
+    place = people.at(0.25)[0]
+    for gap, event in ((-1e-6, "touched"), (1e-6, "")):
+        end = place + [people.radii[0] + 0.3 + gap, 0.0]
+        assert people.judge(people.start, end) == event
+    people.places -= 50.0
+    assert people.judge(people.start, people.goal + [0.29, 0.0]) == "arrived"
+
+
+def test_orca_among_changing_people_is_as_published():
+    """0.688 of 250 cases arrive, 0.264 touch; here 20 of the 250 of the table."""
+    crowd = crowdnav.Crowd(people=20, changing="circle")
+    rows = [crowdnav.episode(crowdnav.HOLONOMIC, crowd, case) for case in range(20)]
+    total = crowdnav.summary([row | {"setting": "", "method": ""} for row in rows])
+    assert 0.5 <= total["success"] <= 0.85 and 0.1 <= total["collision"] <= 0.45
+    assert 0.0 < total["intrusion_percent"] < 3.0
+
+
+def test_a_lidar_of_the_robot_sees_no_farther_than_its_sight():
+    crowd = crowdnav.Crowd(people=2, changing="circle")
+    rows = [crowdnav.episode(f"qp-ahead{x}", crowd, 1) for x in ("", "@lidar")]
+    assert all(row["success"] for row in rows)
+
+
+def test_the_page_shows_the_results():
+    with (COMPARISONS / "results/crowdnav_changing.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    page = (COMPARISONS / "README.md").read_text("utf-8")
+    for row in rows:
+        cells = [f"{float(row[k]):.3f}" for k in SHARES]
+        cells += [f"{float(row[k]):.1f}" for k in ("time_s", "intrusion_percent")]
+        shown = f"| `{row['method']}` | {row['setting']} | {row['n']} |"
+        assert f"{shown} {' | '.join(cells)} |" in page
 
 
 def test_the_footprint_fits_into_the_disc():
@@ -168,6 +232,7 @@ def test_a_run_that_fails_is_a_row_and_the_exit_status(tmp_path, monkeypatch, ca
         (["--phase", "val", "--seed", "90", "--count", "11"], "cases 0 to 99"),
         (["--methods", "qp,nobody"], "nobody"),
         (["--people", "40", "--methods", "alone", "--count", "1"], "no room"),
+        (["--changing", "triangle"], "triangle"),
     ],
 )
 def test_wrong_options_are_said(arguments, said, tmp_path, monkeypatch, capsys):
