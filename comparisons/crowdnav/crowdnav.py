@@ -17,7 +17,8 @@ velocities of people, from the next step on the present ones.
 With ``--changing`` people and rules are those of CrowdNav++ (``crowdnav_changing.py``):
 the robot starts towards its goal and sees true discs within 5 m, or, as
 ``METHOD@lidar``, by 360 beams at 10 Hz, σ 1 cm, range 5.3 m, and perception, which
-takes people for 0.4 m in radius: chosen among 0.25, 0.4 on 60 cases of ``val``.
+takes people for 0.4 m in radius: chosen among 0.25 and 0.4 on 60 cases of ``val``.
+With ``METHOD@wide`` r_min is 0.10 to 0.25 m, else 0.05 to 0.10 m.
 
     python comparisons/crowdnav/crowdnav.py --changing circle --people 20 --count 250 \
         --methods orca-holonomic,qp-ahead,qp-ahead+guide,qp-ahead+guide@lidar
@@ -28,18 +29,19 @@ import os
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
+from dataclasses import replace
 from functools import partial
-from itertools import product
+from itertools import product, zip_longest
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from crowdnav_cases import Crowd
+from crowdnav_cases import Crowd, make_scene
 from crowdnav_robots import FEET, Driven, Holonomic, Row
 from crowdnav_world import CASES, FIRST_SEED, RADIUS, TICK
-from qpavoid.errors import QPAvoidError
+from qpavoid.errors import ConfigError, QPAvoidError
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.simulation.methods import check_methods
 from qpavoid.lab.simulation.outcome import CRAWL, PROGRESS, STALLED
@@ -47,6 +49,7 @@ from qpavoid.lab.study.tables import write_csv
 from qpavoid.types import Array
 
 HOLONOMIC = "orca-holonomic"
+VARIANTS = {"lidar", "wide"}
 METHODS = f"{HOLONOMIC},alone,eq5,eq7,qp,qp-ahead,qp-ahead+guide,orca,mppi"
 
 
@@ -67,13 +70,15 @@ def run_case(method: str, crowd: Crowd, case: int) -> Row:
 
 
 def episode(method: str, crowd: Crowd, case: int) -> Row:
-    """Return the outcome of a case; ``METHOD@lidar`` sees by a LiDAR and perception."""
-    people, (name, _, lidar) = crowd.meet(case), method.partition("@")
+    """Return the outcome of a case; of :data:`VARIANTS` as ``METHOD@VARIANT``."""
+    people, (name, *variants) = crowd.meet(case), method.split("@")
     if name == HOLONOMIC:
         robot: Holonomic | Driven = Holonomic(crowd, people)
     else:
-        seen = LidarSettings(range=crowd.sight, seed=case) if lidar else None
-        robot = Driven(name, crowd, people, seen)
+        scene = make_scene(people, crowd.ticks, "wide" in variants)
+        if "lidar" in variants:
+            scene = replace(scene, lidar=LidarSettings(range=crowd.sight, seed=case))
+        robot = Driven(name, crowd, people, scene)
     ends, event, intrusions = [people.start], "", 0
     for k in range(crowd.ticks):
         people.decide()
@@ -134,7 +139,10 @@ def study(options: argparse.Namespace) -> list[Row]:
     What is finished is written at once.
     """
     methods = options.methods.split(",")
-    check_methods(x.partition("@")[0] for x in methods if x != HOLONOMIC)
+    names, *variants = zip_longest(*(x.split("@") for x in methods))
+    check_methods(x for x in names if x != HOLONOMIC)
+    if wrong := {x for some in variants for x in some if x} - VARIANTS:
+        raise ConfigError([f"no variant {', '.join(wrong)}"])
     phase, changing = options.phase, options.changing
     crowds = [Crowd(phase, people, changing) for people in options.people]
     for crowd in crowds:  # is there room for so many?

@@ -1,6 +1,7 @@
 """CrowdNav's cases as scenarios: robot, reference and walking people."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,11 +19,14 @@ from crowdnav_world import (
     draw_people,
 )
 from qpavoid.lab.simulation.scenario import Scenario, make_scenario
-from qpavoid.types import Array
+from qpavoid.perception.settings import PerceptionSettings
 
 ANGLES = 2.0 * np.pi * np.arange(12) / 12
 FOOTPRINT = RADIUS * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
 """(12, 2) regular dodecagon in the disc, m."""
+
+BODIES = PerceptionSettings(radius=0.4)
+"""Of perception: the mean radius of people whose goals change."""
 
 
 class Crowd(NamedTuple):
@@ -62,8 +66,9 @@ class Crowd(NamedTuple):
         return People(*draw_people(seed, self.people))
 
 
-def make_document(start: Array, goal: Array, ticks: int) -> dict[str, Any]:
+def make_document(people: People, ticks: int, wide: bool) -> dict[str, Any]:
     """Return robot, reference and settings as a scenario file, without people."""
+    start, goal, far = people.start, people.goal, 0.25 if wide else 0.1
     (x, y), heading = start.tolist(), math.atan2(*(goal - start)[::-1].tolist())
     return {
         "title": "CrowdNav",
@@ -84,11 +89,18 @@ def make_document(start: Array, goal: Array, ticks: int) -> dict[str, Any]:
         },
         "tracking": {"waiting": True, "station_keeping": True, "k_y_rad_per_m2": 4.0},
         "filter": {"passive": True},
-        "radius": {"r_min_slow_m": 0.05, "r_min_fast_m": 0.1},
+        "radius": {"r_min_slow_m": 0.1 if wide else 0.05, "r_min_fast_m": far},
     }
 
 
-def make_scene(people: People, ticks: int) -> Scenario:
-    """Return robot, reference and settings; the simulation adds the people."""
-    document = make_document(people.start, people.goal, ticks)
-    return make_scenario(document, "crowdnav", Path("crowdnav"))
+def make_scene(people: People, ticks: int, wide: bool = False) -> Scenario:
+    """Return robot, reference and settings; the simulation adds the people.
+
+    Args:
+        people: Of the case, with the robot's start and goal.
+        ticks: Until a robot that has not arrived is late.
+        wide: Whether r_min is 0.10 to 0.25 m, not 0.05 to 0.10 m.
+    """
+    document = make_document(people, ticks, wide)
+    scene = make_scenario(document, "crowdnav", Path("crowdnav"))
+    return replace(scene, perception=BODIES)

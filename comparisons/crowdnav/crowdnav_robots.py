@@ -6,13 +6,12 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from crowdnav_cases import Crowd, make_scene
+from crowdnav_cases import Crowd
 from crowdnav_world import NEIGHBOURS, RADIUS, SPEED, TICK, Orca, People
-from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.simulation.log import COLUMNS
+from qpavoid.lab.simulation.scenario import Scenario
 from qpavoid.lab.simulation.simulation import Simulation
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.perception.settings import PerceptionSettings
 from qpavoid.types import Array, Pose
 
 Row: TypeAlias = dict[str, Any]
@@ -20,9 +19,6 @@ Row: TypeAlias = dict[str, Any]
 NOTED = [COLUMNS.index(x) for x in ("clearance_m", "room_m", "solve_time_s")]
 FEET = "start_clearance_m", "min_room_m", "solve_us", "solve_p99_us"
 """Columns of a step, and those of a row that are made of them."""
-
-BODIES = PerceptionSettings(radius=0.4)
-"""Of perception: the mean radius of people whose goals change."""
 
 
 @dataclass
@@ -54,20 +50,15 @@ class Driven:
         method: Its name.
         crowd: The cases.
         people: Of the case.
-        lidar: Its sensor; None: true discs.
+        scene: Of the case; without a LiDAR the robot sees true discs.
     """
 
     def __init__(
-        self,
-        method: str,
-        crowd: Crowd,
-        people: People,
-        lidar: LidarSettings | None = None,
+        self, method: str, crowd: Crowd, people: People, scene: Scenario
     ) -> None:
         self._shown = Shown(people.before, crowd.sight)
-        scene = make_scene(people, crowd.ticks)
-        sensor = self._shown if lidar is None else None
-        scene = replace(scene, sensor=sensor, lidar=lidar, perception=BODIES)
+        if scene.lidar is None:
+            scene = replace(scene, sensor=self._shown)
         self._simulation = Simulation(scene, method)
         self._discs = np.empty((crowd.people, 3))
         self._times = scene.dt * np.arange(round(TICK / scene.dt))

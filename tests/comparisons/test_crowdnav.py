@@ -94,6 +94,11 @@ def test_a_tick_is_judged_by_the_velocities_before(place, before, end, event):
     assert people.judge(np.array([0.0, 3.9]), np.array(end)) == event
 
 
+def driven(method, crowd, people):
+    scene = crowdnav.make_scene(people, crowd.ticks)
+    return crowdnav.Driven(method, crowd, people, scene)
+
+
 def test_a_robot_sees_velocities_when_they_have_been_driven():
     seen = []
 
@@ -103,7 +108,9 @@ def test_a_robot_sees_velocities_when_they_have_been_driven():
 
     crowd = crowdnav.Crowd(people=3)
     people = crowd.meet(0)
-    robot = crowdnav.Driven(method, crowd, people)
+    robot = crowdnav.Driven(
+        method, crowd, people, crowdnav.make_scene(people, crowd.ticks)
+    )
     speeds = [np.zeros(3)]
     for k in range(2):
         people.decide()
@@ -160,10 +167,26 @@ def test_orca_among_changing_people_is_as_published():
     assert 0.0 < total["intrusion_percent"] < 3.0
 
 
-def test_a_lidar_of_the_robot_sees_no_farther_than_its_sight():
+def test_a_robot_among_changing_people_sees_those_within_five_metres():
+    seen = []
+
+    def method(v, omega, obstacles, context):
+        seen.append(len(obstacles.discs))
+        return 0.0, 0.0
+
+    crowd = crowdnav.Crowd(people=20, changing="circle")
+    people = crowd.meet(0)
+    people.decide()
+    crowdnav.Driven(
+        method, crowd, people, crowdnav.make_scene(people, crowd.ticks)
+    ).drive(0.0, people)
+    gaps = np.linalg.norm(people.places - people.start, axis=1) - people.radii
+    assert seen[0] == (gaps < 5.3).sum() and 0 < seen[0] < 20
+
+
+def test_a_robot_with_a_lidar_arrives_among_two_people():
     crowd = crowdnav.Crowd(people=2, changing="circle")
-    rows = [crowdnav.episode(f"qp-ahead{x}", crowd, 1) for x in ("", "@lidar")]
-    assert all(row["success"] for row in rows)
+    assert crowdnav.episode("qp-ahead+guide@lidar", crowd, 1)["success"]
 
 
 def test_the_page_shows_the_results():
@@ -233,6 +256,7 @@ def test_a_run_that_fails_is_a_row_and_the_exit_status(tmp_path, monkeypatch, ca
         (["--methods", "qp,nobody"], "nobody"),
         (["--people", "40", "--methods", "alone", "--count", "1"], "no room"),
         (["--changing", "triangle"], "triangle"),
+        (["--methods", "qp@radar"], "radar"),
     ],
 )
 def test_wrong_options_are_said(arguments, said, tmp_path, monkeypatch, capsys):
