@@ -2,6 +2,7 @@
 
 import json
 import re
+import runpy
 import subprocess
 import sys
 
@@ -34,6 +35,12 @@ def test_python_snippets_run_one_after_the_other(name, tmp_path, monkeypatch, ca
     for block in fenced(TEXTS[name], "python"):
         exec(compile(block, f"docs/{name}.md", "exec"), names)
     capsys.readouterr()
+
+
+def test_the_example_of_another_simulator_arrives():
+    pytest.importorskip("irsim")
+    way, touched = runpy.run_path(str(DOCS / "irsim_tee.py"))["drive"]()
+    assert not touched and np.hypot(*(way[-1, :2] - (14.0, 5.0))) < 0.1
 
 
 def commands_in(text):

@@ -3,7 +3,7 @@
 In the robot frame of the present; bodies have constant velocities. They are rows of a
 table in the :class:`Scene`, the data shared by all predictions of a control step. Most
 points of a scan lie on a few surfaces: successive neighbouring ones are a group, and
-one check of its wall clears them all (:mod:`qpavoid.avoidance.clearance`).
+one check of its wall clears them all (:mod:`qpavoid.avoidance.margin`).
 """
 
 import math
@@ -18,9 +18,9 @@ from qpavoid.avoidance.cbf_rows import (
     Tangent,
     is_behind,
     no_tangent,
+    required_distance,
     tangent_at,
     tolerated,
-    wanted_distance,
 )
 from qpavoid.avoidance.settings import FilterSettings
 from qpavoid.compiled import compiled, compiled_once
@@ -173,12 +173,12 @@ class Body(NamedTuple):
         v_x: Of the pivot, m/s.
         v_y: Of the pivot, m/s.
         turn: rad/s.
-        keep: Required distance: radius, inflation, r_min; m.
-        inflation: Required distance minus r_min, m.
+        required: Required distance: radius, inflation, r_min; m.
+        beyond_r_min: Required distance minus r_min, m.
         spread: Radius about the pivot of segment and required distance, m.
         speed: Greatest of its points, m/s.
         growth: Rate of growth of the required distance, m/s.
-        now: Present margin of a static body inside r_min, m, else ``inf``.
+        margin_now: Present margin of a static body near the robot, m; else ``inf``.
         sigma: σ of the velocity of a moving body, m/s.
         kind: :data:`STANDS`, :data:`MOVES` or :data:`CREEPS`.
         owner: Number of the obstacle.
@@ -194,12 +194,12 @@ class Body(NamedTuple):
     v_x: float
     v_y: float
     turn: float
-    keep: float
-    inflation: float
+    required: float
+    beyond_r_min: float
     spread: float
     speed: float
     growth: float
-    now: float
+    margin_now: float
     sigma: float
     kind: int
     owner: int
@@ -219,21 +219,22 @@ and growing at its speed."""
 def copied(b: Body) -> Body:
     """Return a copy of a row of the table."""
     # fmt: off
-    return Body(b.x, b.y, b.x1, b.y1, b.x2, b.y2, b.v_x, b.v_y, b.turn, b.keep,
-                b.inflation, b.spread, b.speed, b.growth, b.now, b.sigma, b.kind,
-                b.owner, b.group)
+    return Body(b.x, b.y, b.x1, b.y1, b.x2, b.y2, b.v_x, b.v_y, b.turn, b.required,
+                b.beyond_r_min, b.spread, b.speed, b.growth, b.margin_now, b.sigma,
+                b.kind, b.owner, b.group)
     # fmt: on
 
 
 @compiled_once
-def comes_first(bodies: Table, i: int, j: int) -> bool:
+def precedes(bodies: Table, i: int, j: int) -> bool:
     """Return whether row i is before row j in lexicographic order."""
     a, b = bodies[i], bodies[j]
     # fmt: off
-    one = (a.x, a.y, a.x1, a.y1, a.x2, a.y2, a.v_x, a.v_y, a.turn, a.keep, a.inflation,
+    one = (a.x, a.y, a.x1, a.y1, a.x2, a.y2, a.v_x, a.v_y, a.turn, a.required,
+           a.beyond_r_min,
            a.spread, a.speed, a.growth, a.kind)
-    other = (b.x, b.y, b.x1, b.y1, b.x2, b.y2, b.v_x, b.v_y, b.turn, b.keep,
-             b.inflation, b.spread, b.speed, b.growth, b.kind)
+    other = (b.x, b.y, b.x1, b.y1, b.x2, b.y2, b.v_x, b.v_y, b.turn, b.required,
+             b.beyond_r_min, b.spread, b.speed, b.growth, b.kind)
     # fmt: on
     return one < other
 
@@ -247,10 +248,10 @@ def sort_bodies(bodies: Table) -> None:
         gap = max(gap * 5 // 11, 1)
         for i in range(gap, count):
             j = i - gap
-            while j >= 0 and comes_first(bodies, j + gap, j):
-                kept = copied(bodies[j])
+            while j >= 0 and precedes(bodies, j + gap, j):
+                copy = copied(bodies[j])
                 bodies[j] = bodies[j + gap]
-                bodies[j + gap] = kept
+                bodies[j + gap] = copy
                 j -= gap
 
 
@@ -272,7 +273,7 @@ def any_moves(scene: Scene) -> bool:
 @compiled
 def is_point(body: Body) -> bool:
     """Return whether a body has no length."""
-    return body.spread == body.keep
+    return body.spread == body.required
 
 
 @compiled_once
@@ -313,19 +314,21 @@ def group_of(scene: Scene, begin: int, end: int) -> Body:
     """Return a wall whose margin is at most that of any of these points."""
     one, other = scene.bodies[begin], scene.bodies[end - 1]
     axis = Segment(one.x, one.y, other.x, other.y)
-    keep, r_min, z = 0.0, math.inf, 0.0
+    required, r_min, z = 0.0, math.inf, 0.0
     for i in range(begin, end):
         body = scene.bodies[i]
         d_x, d_y = from_segment(axis, body.x, body.y)
         # The axis joins the first and the last point; the required distance includes
         # the greatest deviation from it. TINY covers rounding.
-        keep = max(keep, body.keep + math.sqrt(d_x * d_x + d_y * d_y) + TINY)
-        r_min = min(r_min, body.keep - body.inflation)
+        required = max(
+            required, body.required + math.sqrt(d_x * d_x + d_y * d_y) + TINY
+        )
+        r_min = min(r_min, body.required - body.beyond_r_min)
     x, y = 0.5 * (one.x + other.x), 0.5 * (one.y + other.y)
     x1, y1, x2, y2 = one.x - x, one.y - y, other.x - x, other.y - y
-    spread = keep + math.sqrt(max(x1**2 + y1**2, x2**2 + y2**2))
+    spread = required + math.sqrt(max(x1**2 + y1**2, x2**2 + y2**2))
     # fmt: off
-    return Body(x, y, x1, y1, x2, y2, z, z, z, keep, keep - r_min, spread, z, z,
+    return Body(x, y, x1, y1, x2, y2, z, z, z, required, required - r_min, spread, z, z,
                 math.inf, z, STANDS, end, -1)
 
 
@@ -347,12 +350,12 @@ def bodies_in_reach(scene: Scene, obstacles: Arrays, age: float, horizon: float)
     stop = stopping_time(robot, fastest, turning, s.dt) * scene.longest / s.dt
     if s.ramps != 0:
         stop *= 2.0
-    _, low = wanted_distance(scene.settings, 0.0, age)
+    _, required = required_distance(scene.settings, 0.0, age)
     still = radius + fastest * (horizon + stop)
     count = 0
     for i in range(points.shape[0]):
-        body = point_body(scene, (points[i, 0], points[i, 1]), low, i)
-        if body.x * body.x + body.y * body.y < (body.keep + still) ** 2:
+        body = point_body(scene, (points[i, 0], points[i, 1]), required, i)
+        if body.x * body.x + body.y * body.y < (body.required + still) ** 2:
             bodies[count] = body
             cap_now(scene, bodies[count])
             count += 1
@@ -390,7 +393,7 @@ def tangent_of_nearest(scene: Scene, count: int, side: Pair) -> Tangent:
     near = scene.settings[0].r_min_slow - slack - ROUNDED_IN
     for i in range(count):
         body = scene.bodies[i]
-        distance = body.keep - body.inflation - slack
+        distance = body.required - body.beyond_r_min - slack
         within = 0.0 < distance < min(near, nearest.distance)
         if within and body.kind == STANDS:
             c = line_contact_now(scene.edges, body)
@@ -405,25 +408,26 @@ def cap_behind(scene: Scene, count: int, tangent: Tangent) -> None:
     """Cap the required distance of static bodies behind a tangent at its distance."""
     for i in range(count):
         b, most = scene.bodies[i], tangent.distance + tolerance(scene)
-        excess = b.keep - b.inflation - most
+        excess = b.required - b.beyond_r_min - most
         if b.kind != STANDS or excess <= 0.0:
             continue
         one, other = (b.x + b.x1, b.y + b.y1), (b.x + b.x2, b.y + b.y2)
-        behind = is_behind(tangent, one, b.inflation)
-        if behind and is_behind(tangent, other, b.inflation):
-            b.keep, b.spread = b.keep - excess, b.spread - excess
-            b.now = -tolerance(scene)
+        behind = is_behind(tangent, one, b.beyond_r_min)
+        if behind and is_behind(tangent, other, b.beyond_r_min):
+            b.required, b.spread = b.required - excess, b.spread - excess
+            b.margin_now = -tolerance(scene)
 
 
 @compiled_once
-def point_body(scene: Scene, place: Pair, low: float, owner: int) -> Body:
-    """Return a static point with the required distance ``low``, m."""
-    (x, y), keep, margin, z = place, low, low - scene.settings[0].r_min_slow, 0.0
+def point_body(scene: Scene, place: Pair, required: float, owner: int) -> Body:
+    """Return a static point with the required distance ``required``, m."""
+    (x, y), z = place, 0.0
+    beyond = required - scene.settings[0].r_min_slow
     if scene.settings[0].closing_gain > 0.0:
-        keep += closing_margin(scene, place, (0.0, 0.0))
+        required += closing_margin(scene, place, (0.0, 0.0))
     # fmt: off
-    return Body(x, y, z, z, z, z, z, z, z, keep, margin, keep, z, z, math.inf, z,
-                STANDS, owner, -1)
+    return Body(x, y, z, z, z, z, z, z, z, required, beyond, required, z, z, math.inf,
+                z, STANDS, owner, -1)
 
 
 @compiled_once
@@ -443,14 +447,14 @@ def capsule_body(
     """
     c, speed, growth = capsules[i], speed_bound(capsules, i), 0.0
     x, y, v_x, v_y = c[PIVOT_X], c[PIVOT_Y], c[V_X], c[V_Y]
-    r_min, keep = wanted_distance(scene.settings, speed, age)
-    keep += closing_margin(scene, (x, y), (v_x, v_y)) + c[RADIUS]
+    r_min, required = required_distance(scene.settings, speed, age)
+    required += closing_margin(scene, (x, y), (v_x, v_y)) + c[RADIUS]
     x1, y1, x2, y2 = c[X1], c[Y1], c[X2], c[Y2]
     nearer, level = abs(y2) < abs(y1), abs(y2) == abs(y1)
     if x2 < x1 or (x2 == x1 and (nearer or (level and y2 < y1))):
         x1, y1, x2, y2 = x2, y2, x1, y1
     x1, y1, x2, y2 = x1 - x, y1 - y, x2 - x, y2 - y
-    spread = keep + math.sqrt(max(x1**2 + y1**2, x2**2 + y2**2))
+    spread = required + math.sqrt(max(x1**2 + y1**2, x2**2 + y2**2))
     kind, turn = MOVES, c[TURN]
     sigma = c[SIGMA]
     still = speed <= SPEED_AT_REST and sigma == 0.0
@@ -458,8 +462,8 @@ def capsule_body(
         kind, growth = (STANDS, 0.0) if speed <= SPEED_AT_REST else (CREEPS, speed)
         v_x, v_y, turn, speed, sigma = 0.0, 0.0, 0.0, 0.0, 0.0
     # fmt: off
-    return Body(x, y, x1, y1, x2, y2, v_x, v_y, turn, keep, keep - r_min, spread, speed,
-                growth, math.inf, sigma, kind, int(c[OWNER]), -1)
+    return Body(x, y, x1, y1, x2, y2, v_x, v_y, turn, required, required - r_min,
+                spread, speed, growth, math.inf, sigma, kind, int(c[OWNER]), -1)
 
 
 @compiled_once
@@ -471,11 +475,11 @@ def cap_now(scene: Scene, body: Row) -> None:
     distance = line_contact_now(scene.edges, body).distance
     # Inside r_min no plan keeps it, not even standing still; the rows of the present
     # lead out.
-    missing = body.keep - distance - tolerance(scene)
+    missing = body.required - distance - tolerance(scene)
     if missing > 0.0:
-        body.growth, body.keep = 0.0, body.keep - missing
+        body.growth, body.required = 0.0, body.required - missing
         body.spread -= missing
-    body.now = distance - body.keep
+    body.margin_now = distance - body.required
 
 
 @compiled_once

@@ -48,7 +48,7 @@ def tolerated(settings: npt.NDArray[np.void]) -> float:
 
 @entry
 @compiled
-def wanted_distance(
+def required_distance(
     settings: FilterSettings, speed: float, age: float
 ) -> tuple[float, float]:
     """Return r_min(v_o), and the required distance: r_min and the inflation, in m."""
@@ -74,9 +74,9 @@ def row_reach(
     limits = limits_of(robot)
     s = settings[0]
     fastest = greatest_speed(capsules)
-    r_min, wanted = wanted_distance(settings, fastest, age)
+    r_min, required = required_distance(settings, fastest, age)
     if s.bound != BARRIER:
-        return float(min(wanted + (s.zone_ratio - 1.0) * r_min, s.reach))
+        return float(min(required + (s.zone_ratio - 1.0) * r_min, s.reach))
     v = max(-limits.v_min, limits.v_max)
     omega = max(-limits.omega_min, limits.omega_max)
     # No point of the footprint is farther than R from the axle's middle: |v| + |ω| R
@@ -85,11 +85,11 @@ def row_reach(
     # 1/γ' of the gain γ' = γ/(1 + γκ) that a growing r_min leaves, see constraint_rows.
     time = 1.0 / s.gamma + s.closing_gain
     if not s.braking_room:
-        return float(min(wanted + speed * time, s.reach))
+        return float(min(required + speed * time, s.reach))
     stop = speed * stopping_time(robot, v, omega, s.dt) * (1.0 + s.jitter)
     if s.passive:
         stop = speed * s.dt * braking_steps(robot, v, omega, s.dt)
-    return float(wanted + max(min(speed * time, s.reach - wanted), stop))
+    return float(required + max(min(speed * time, s.reach - required), stop))
 
 
 @compiled
@@ -133,7 +133,7 @@ def speed_of(contact: ObstacleContact) -> float:
 
 
 @compiled_once
-def may_be_here(contacts: Table, settings: npt.NDArray[np.void], age: float) -> bool:
+def is_too_old(contacts: Table, settings: npt.NDArray[np.void], age: float) -> bool:
     """Return whether an obstacle may have moved by more than r_min since measured.
 
     See :class:`qpavoid.avoidance.settings.Margins`.
@@ -141,9 +141,9 @@ def may_be_here(contacts: Table, settings: npt.NDArray[np.void], age: float) -> 
     s = settings[0]
     for k in range(contacts.shape[0] if age > 0.0 else 0):
         c = contacts[k]
-        _, wanted = wanted_distance(settings, speed_of(c), age)
+        _, required = required_distance(settings, speed_of(c), age)
         come = come_since(speed_of(c), age, s.obstacle_acceleration)
-        if come > s.r_min_slow and c.distance < wanted:
+        if come > s.r_min_slow and c.distance < required:
             return True
     return False
 
@@ -153,7 +153,7 @@ def contact_bound(
     contact: ObstacleContact,
     robot: Array,
     settings: npt.NDArray[np.void],
-    keep: Pair,
+    distances: Pair,
     age: float,
 ) -> tuple[float, float, float]:
     """Return a_v (1), a_ω (m/rad) and b (m/s) of a contact; b = −∞ if it has no row.
@@ -162,30 +162,30 @@ def contact_bound(
         contact: Of the obstacle.
         robot: Its limits.
         settings: Of the filter.
-        keep: r_min(v_o), and the required distance, m.
+        distances: r_min(v_o), and the required distance, m.
         age: Of the measurement, s.
     """
-    s, c, (r_min, wanted) = settings[0], contact, keep
+    s, c, (r_min, required) = settings[0], contact, distances
     a_v, a_omega = approach_row(c.x, c.y, c.n_x, c.n_y)
     if s.bound == BARRIER:
-        room, speed = c.distance - wanted, speed_of(c)
-        if room < 0.0:
+        margin, speed = c.distance - required, speed_of(c)
+        if margin < 0.0:
             # The measured position counts, without the inflation by age.
-            room = min(room + come_since(speed, age, s.obstacle_acceleration), 0.0)
+            margin = min(margin + come_since(speed, age, s.obstacle_acceleration), 0.0)
         # For a margin ≤ 0 the row requires separation, without a closing speed that
         # r_min would grow with: γ itself.
         bound = (
-            -(s.gamma / (1.0 + s.gamma * s.closing_gain) if room > 0.0 else s.gamma)
-            * room
+            -(s.gamma / (1.0 + s.gamma * s.closing_gain) if margin > 0.0 else s.gamma)
+            * margin
         )
         # The stopping distance applies to static obstacles; moving ones are predicted.
-        if s.braking_room and speed <= SPEED_AT_REST and room > 0.0:
-            bound = max(bound, -closing_bound(robot, s.dt, (a_v, a_omega), room))
+        if s.braking_room and speed <= SPEED_AT_REST and margin > 0.0:
+            bound = max(bound, -closing_bound(robot, s.dt, (a_v, a_omega), margin))
         return a_v, a_omega, bound - (c.n_x * c.v_x + c.n_y * c.v_y)
-    r = wanted + (s.zone_ratio - 1.0) * r_min
+    r = required + (s.zone_ratio - 1.0) * r_min
     if c.distance >= r:
         return a_v, a_omega, -math.inf
-    return a_v, a_omega, s.speed * activation(s.activation, c.distance, wanted, r)
+    return a_v, a_omega, s.speed * activation(s.activation, c.distance, required, r)
 
 
 @compiled
@@ -224,7 +224,7 @@ def constraint_rows(
             leave; all others are constrained by predictions.
         rows: (n + 4, 9) filled; see :data:`qpavoid.qp.exact.ROW_WIDTH`.
     """
-    s, still, count = settings[0], wanted_distance(settings, 0.0, age), 0
+    s, still, count = settings[0], required_distance(settings, 0.0, age), 0
     # Predictions tolerate r_min − ε: only nearer obstacles need a row of the present.
     near = still[1] - tolerated(settings)
     for k in range(contacts.shape[0]):
@@ -234,8 +234,8 @@ def constraint_rows(
             ahead and (speed > SPEED_AT_REST or c.distance >= near)
         ):
             continue
-        keep = still if speed == 0.0 else wanted_distance(settings, speed, age)
-        a_v, a_omega, bound = contact_bound(c, robot, settings, keep, age)
+        distances = still if speed == 0.0 else required_distance(settings, speed, age)
+        a_v, a_omega, bound = contact_bound(c, robot, settings, distances, age)
         if not is_redundant((a_v, a_omega), bound, box):
             set_row(rows[count], (a_v, a_omega), bound, c.obstacle)
             count += 1

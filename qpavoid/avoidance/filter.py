@@ -42,10 +42,10 @@ from qpavoid.avoidance.plan import (
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.step import (
     WORKSPACE_TOO_SMALL,
-    carve,
     filter_outcome,
     filter_step,
     memory_size,
+    workspace_in,
 )
 from qpavoid.compiled import bound
 from qpavoid.errors import QPAvoidError, ThreadError
@@ -191,7 +191,7 @@ class Engine:
     def problem(self, arrays: Arrays) -> FilterProblem:
         """Return the QP of the last step, among these obstacles."""
         most = most_contacts(self.setup.edges, arrays)
-        carved = carve.py_func  # type: ignore[attr-defined]
+        carved = workspace_in.py_func  # type: ignore[attr-defined]
         space = carved(self._memory, most, self.setup.settings)
         m, hard, v_min, v_max, omega_min, omega_max, *desired = space.problem.tolist()
         rows = space.rows[: int(m)]

@@ -4,7 +4,7 @@ import math
 from typing import Annotated
 
 from qpavoid.avoidance.bodies import Request, Setup
-from qpavoid.avoidance.cbf_rows import wanted_distance
+from qpavoid.avoidance.cbf_rows import required_distance
 from qpavoid.avoidance.decision import INVALID, REPELLED, SINGULAR, TRACKING
 from qpavoid.avoidance.settings import activation
 from qpavoid.avoidance.step import Outcome, no_outcome
@@ -137,7 +137,7 @@ def repulsive_twist(
     """Return the status and the twist that Eq. 5 or 7 adds at a contact."""
     s, c, age, (v, omega) = setup.settings[0], contact, request.age, request.desired
     speed = math.sqrt(c.v_x * c.v_x + c.v_y * c.v_y)
-    r_min, wanted = wanted_distance(setup.settings, speed, age)
+    r_min, wanted = required_distance(setup.settings, speed, age)
     a_v, a_omega = approach_row(c.x, c.y, c.n_x, c.n_y)
     closing = -(a_v * v + a_omega * omega + c.n_x * c.v_x + c.n_y * c.v_y)
     wanted += s.closing_gain * max(closing, 0.0)

@@ -62,8 +62,8 @@ class Arc(NamedTuple):
         v: m/s.
         omega: rad/s.
         steps: Control steps of braking; ``inf``: the twist is held.
-        share_v: ∂v/∂v of the first target.
-        share_omega: ∂ω/∂ω of it.
+        slope_v: ∂v/∂v of the first target.
+        slope_omega: ∂ω/∂ω of it.
         x_v: Derivatives of its start, see :class:`Slopes`, s.
         y_v: s.
         x_omega: m s.
@@ -79,8 +79,8 @@ class Arc(NamedTuple):
     v: float
     omega: float
     steps: float
-    share_v: float
-    share_omega: float
+    slope_v: float
+    slope_omega: float
     x_v: float
     y_v: float
     x_omega: float
@@ -94,7 +94,10 @@ ARC_SIZE = ARC.itemsize // 8
 
 
 class Plan(NamedTuple):
-    """A twist, from ``switch`` on another one, from ``end`` on braking along the arc.
+    """A twist, from ``switch`` on another one, then braking along the arc.
+
+    The arc of braking begins one control step before ``end``: its first step is driven
+    in full.
 
     Both times are whole control steps.
 
@@ -104,7 +107,7 @@ class Plan(NamedTuple):
         switch: s.
         v_then: m/s.
         omega_then: rad/s.
-        end: s; at least one control step.
+        end: s; at least one control step, or 0: braking at once.
     """
 
     v: float
@@ -232,7 +235,7 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, held: float, many: int) -> Rol
                 lasts = until - time
             arcs[row] = arc_from(time, at, (v_mean, w_mean), math.inf)
             if part == 0:
-                arcs[row].share_v, arcs[row].share_omega = v_share, w_share
+                arcs[row].slope_v, arcs[row].slope_omega = v_share, w_share
             at, time, row = moved_on(at, v_mean, w_mean, lasts), time + lasts, row + 1
             speed, turning = max(speed, abs(v_mean)), max(turning, abs(w_mean))
             twist_v, twist_omega = v_end, w_end
@@ -265,7 +268,7 @@ def braking_place(time: float, steps: float, dt: float) -> float:
 
 
 @compiled
-def braking_share(time: float, steps: float, dt: float) -> float:
+def braking_factor(time: float, steps: float, dt: float) -> float:
     """Return the share of the twist at a time after its arc began."""
     if steps == math.inf:
         return 1.0
@@ -361,11 +364,11 @@ class Kept(NamedTuple):
         v_then: m/s.
         omega_then: rad/s.
         end: s.
-        until: Time up to which the plan is clear of moving bodies, s.
-        mode: Of the choice, see :data:`FREE`.
+        until: Time up to which its margins of moving bodies were checked, s.
+        mode: Of the choice, see :data:`AS_COMMANDED`.
         due: Control steps until the next review.
         group: Next group of starts.
-        share: Next share of the plans.
+        third: Third of the plans that is searched next; 0: all.
     """
 
     v: float
@@ -380,7 +383,7 @@ class Kept(NamedTuple):
     mode: int
     due: int
     group: int
-    share: int
+    third: int
 
 
 KEPT = layout(Kept)
@@ -393,9 +396,10 @@ oldest ramps."""
 FilterState: TypeAlias = Annotated[Vector, Sizes(STATE_SIZE)]
 FilterStateWritten: TypeAlias = Annotated[VectorWritten, Sizes(STATE_SIZE)]
 
-FREE, ROUND, NEW_PLAN, CARRIED, STUCK = 0, 1, 2, 3, 4
-"""Modes: the desired twist, another constant one, a new plan, the rest of the last one,
-no plan that is clear of static bodies but braking."""
+AS_COMMANDED, PROPOSED, SEARCHED, CARRIED, BRAKED = 0, 1, 2, 3, 4
+"""Modes, how a plan was found: the command; a QP's proposal; the best one of a search
+of plans of two twists; the rest of the last plan; braking, the best one of the
+fallback."""
 
 
 def fresh_state() -> Array:
@@ -474,7 +478,7 @@ def frame_of_effect(
 
 
 @compiled_once
-def pending_pace(settings: npt.NDArray[np.void], state: Array) -> Pair:
+def pending_sums(settings: npt.NDArray[np.void], state: Array) -> Pair:
     """Return the sums of |v|, m/s, and of |ω|, rad/s, over the pending steps."""
     s, v, omega = settings[0], 0.0, 0.0
     for i in range(math.ceil(s.delay / s.dt - RELATIVE_ROUNDING)):

@@ -25,27 +25,27 @@ from qpavoid.avoidance.bodies import (
     Body,
     Scene,
     any_moves,
-    comes_first,
     moves,
+    precedes,
     tolerance,
 )
 from qpavoid.avoidance.cbf_rows import wheel_rows
-from qpavoid.avoidance.clearance import (
-    Meeting,
+from qpavoid.avoidance.margin import (
+    Violation,
     Watch,
-    circle_room,
+    circle_margin,
     closing_speed,
     ends_at,
-    first_met,
-    is_met,
+    first_violated,
     next_body,
     part_contact,
     passing_speed,
+    violation_of,
 )
 from qpavoid.avoidance.plan import (
-    FREE,
-    NEW_PLAN,
+    AS_COMMANDED,
     SAME_TIME,
+    SEARCHED,
     Arc,
     Rollout,
     Slopes,
@@ -81,7 +81,7 @@ DIAGONAL = math.tan(math.pi / 8.0)
 """tan 22.5°: sectors are centred on axes and diagonals, where flat sides lie."""
 
 
-class Side(NamedTuple):
+class Predicted(NamedTuple):
     """A future contact that gets a row.
 
     Attributes:
@@ -89,7 +89,7 @@ class Side(NamedTuple):
         y: Of P_r, m.
         n_x: Outward normal of the footprint there, in the same frame.
         n_y: Of the normal.
-        room: Margin, m.
+        margin: Margin, m.
         time: s.
         body: Its number.
     """
@@ -98,32 +98,32 @@ class Side(NamedTuple):
     y: float
     n_x: float
     n_y: float
-    room: float
+    margin: float
     time: float
     body: int
 
 
-SIDE, FRAME = layout(Side), layout(Frame)
-SIDE_SIZE, FRAME_SIZE = SIDE.itemsize // 8, FRAME.itemsize // 8
-"""Layouts of the tables of sides and of frames, and numbers of memory per row."""
+PREDICTED, FRAME = layout(Predicted), layout(Frame)
+PREDICTED_SIZE, FRAME_SIZE = PREDICTED.itemsize // 8, FRAME.itemsize // 8
+"""Layouts of the tables of predicted contacts and frames, and numbers per row."""
 
 
 class Tables(NamedTuple):
     """Memory of the look-ahead.
 
     Attributes:
-        sides: (:func:`most_sides`,) of :class:`Side`.
+        predicted: (:func:`most_predicted`,) of :class:`Predicted`.
         frames: (ticks + 1,) predicted robot frames.
     """
 
-    sides: Table
+    predicted: Table
     frames: Table
 
 
 @entry
 @compiled
-def most_sides(ticks: int) -> int:
-    """Return the greatest number of sides within so many ticks."""
+def most_predicted(ticks: int) -> int:
+    """Return the greatest number of predicted contacts within so many ticks."""
     return (ticks + STRIDE - 1) // STRIDE * OCTANTS
 
 
@@ -141,7 +141,7 @@ def sector(n_x: float, n_y: float) -> int:
 
 @compiled_once
 def note_contact(
-    scene: Scene, i: int, body: Body, time: float, at: Frame, sides: Table
+    scene: Scene, i: int, body: Body, time: float, at: Frame, predicted: Table
 ) -> float:
     """Store the contacts with a body at a time that get a row; return the least margin.
 
@@ -154,27 +154,27 @@ def note_contact(
         body: The body.
         time: s.
         at: Frame of the robot then.
-        sides: Updated.
+        predicted: Updated.
     """
     ends, tick, stop = ends_at(body, time, at), scene.settings[0].tick, 0
-    least, missing = math.inf, max(ROW_ROOM - body.now, 0.0)
+    least, missing = math.inf, max(ROW_ROOM - body.margin_now, 0.0)
     while stop < scene.edges.shape[0]:
         part = part_at(scene.edges, stop)
         contact, stop = part_contact(scene.edges, part, body, ends), part.end
-        room = contact.distance - body.keep + missing
-        least = min(least, room)
-        if room < ROW_WITHIN:
+        margin = contact.distance - body.required + missing
+        least = min(least, margin)
+        if margin < ROW_WITHIN:
             # Ticks 1 to STRIDE share slot 0, the next ones slot 1, independent of
             # rounding.
             slot = max(math.ceil(time / tick - SAME_TIME) - 1, 0) // STRIDE
             row = slot * OCTANTS + sector(contact.n_x, contact.n_y)
-            side = sides[row]
+            one = predicted[row]
             # Of equal margins the first body's: independent of the order of input.
-            if room < side.room or (
-                room == side.room and comes_first(scene.bodies, i, side.body)
+            if margin < one.margin or (
+                margin == one.margin and precedes(scene.bodies, i, one.body)
             ):
                 p_x, p_y, n_x, n_y = contact.x, contact.y, contact.n_x, contact.n_y
-                sides[row] = Side(p_x, p_y, n_x, n_y, room, time, i)
+                predicted[row] = Predicted(p_x, p_y, n_x, n_y, margin, time, i)
     return least
 
 
@@ -190,7 +190,7 @@ def frame_then(scene: Scene, rollout: Rollout, k: int, frames: Table) -> Frame:
 
 
 @compiled_once
-def nearest_sides(scene: Scene, rollout: Rollout, tables: Tables) -> None:
+def predict_contacts(scene: Scene, rollout: Rollout, tables: Tables) -> None:
     """Fill in the contacts that get a row of the linearisation.
 
     Contacts with similar normals at about the same time give similar rows; the one with
@@ -198,10 +198,10 @@ def nearest_sides(scene: Scene, rollout: Rollout, tables: Tables) -> None:
     again when its margin may have changed by its value. A missed contact costs at most
     an iteration, since the solution is verified in full.
     """
-    s, sides = scene.settings[0], tables.sides
-    for row in range(sides.shape[0]):
+    s, predicted = scene.settings[0], tables.predicted
+    for row in range(predicted.shape[0]):
         # Empty: no smaller margin yet.
-        sides[row].room = ROW_WITHIN
+        predicted[row].margin = ROW_WITHIN
     for k in range(tables.frames.shape[0]):
         tables.frames[k].cos = math.inf
     watch = Watch((s.horizon, ROW_WITHIN), (s.horizon_still, ROW_WITHIN))
@@ -213,13 +213,13 @@ def nearest_sides(scene: Scene, rollout: Rollout, tables: Tables) -> None:
         passing = s.tick * passing_speed(scene, rollout, body) + TINY
         while k <= last:
             time, at = s.tick * k, frame_then(scene, rollout, k, tables.frames)
-            room = circle_room(scene, body, time, at)
-            if room > 2.0 * ROW_WITHIN:
-                k += 2 + int(min((room - ROW_WITHIN) / passing, last))
+            margin = circle_margin(scene, body, time, at)
+            if margin > 2.0 * ROW_WITHIN:
+                k += 2 + int(min((margin - ROW_WITHIN) / passing, last))
                 continue
-            room = note_contact(scene, i, body, time, at, sides)
+            margin = note_contact(scene, i, body, time, at, predicted)
             # At least every other tick: neighbouring rows are nearly equal.
-            k += 2 + int(min(abs(room) / pace, last))
+            k += 2 + int(min(abs(margin) / pace, last))
         i = next_body(scene, rollout, i + 1, watch)
 
 
@@ -247,14 +247,14 @@ def slopes_at(arc: Arc, time: float, dt: float) -> Slopes:
     one = moved_on(Frame(0.0, 0.0, 1.0, 0.0), 1.0, arc.omega, place)
     b_x, b_y = bend_by_turning(arc.v, arc.omega, place)
     # Bending by ω on this arc, and rotation of its chord with the initial heading.
-    l_x = arc.share_omega * b_x - turn * arc.v * one.y
-    l_y = arc.share_omega * b_y + turn * arc.v * one.x
+    l_x = arc.slope_omega * b_x - turn * arc.v * one.y
+    l_y = arc.slope_omega * b_y + turn * arc.v * one.x
     return Slopes(
-        arc.x_v + arc.share_v * (arc.cos * one.x - arc.sin * one.y),
-        arc.y_v + arc.share_v * (arc.sin * one.x + arc.cos * one.y),
+        arc.x_v + arc.slope_v * (arc.cos * one.x - arc.sin * one.y),
+        arc.y_v + arc.slope_v * (arc.sin * one.x + arc.cos * one.y),
         arc.x_omega + arc.cos * l_x - arc.sin * l_y,
         arc.y_omega + arc.sin * l_x + arc.cos * l_y,
-        turn + arc.share_omega * place,
+        turn + arc.slope_omega * place,
     )
 
 
@@ -271,7 +271,7 @@ def fill_slopes(rollout: Rollout, dt: float) -> None:
 
 @compiled_once
 def linearised_rows(
-    scene: Scene, rollout: Rollout, met: Meeting, tables: Tables, rows: Array
+    scene: Scene, rollout: Rollout, met: Violation, tables: Tables, rows: Array
 ) -> int:
     """Fill in the rows margin + ∇d·(u − ū) ≥ :data:`ROW_ROOM`, m; return their number.
 
@@ -279,31 +279,31 @@ def linearised_rows(
     :data:`ROW_WITHIN`, including that of the violation ``met``, which may lie between
     two ticks.
     """
-    sides, about = tables.sides, rollout.target
-    nearest_sides(scene, rollout, tables)
+    predicted, about = tables.predicted, rollout.target
+    predict_contacts(scene, rollout, tables)
     if met.body >= 0:
         arc = rollout.arcs[arc_index(rollout.arcs, 0, met.time)]
         at = frame_at(arc, met.time, scene.settings[0].dt)
         body = scene.bodies[met.body]
-        note_contact(scene, met.body, body, met.time, at, sides)
+        note_contact(scene, met.body, body, met.time, at, predicted)
     fill_slopes(rollout, scene.settings[0].dt)
     arcs, dt, count = rollout.arcs, scene.settings[0].dt, 0
-    for i in range(sides.shape[0]):
-        side = sides[i]
-        if side.room >= ROW_WITHIN:
+    for i in range(predicted.shape[0]):
+        one = predicted[i]
+        if one.margin >= ROW_WITHIN:
             continue
-        arc = arcs[arc_index(arcs, 0, side.time)]
-        n_x, n_y = side.n_x, side.n_y
-        at, slopes = frame_at(arc, side.time, dt), slopes_at(arc, side.time, dt)
+        arc = arcs[arc_index(arcs, 0, one.time)]
+        n_x, n_y = one.n_x, one.n_y
+        at, slopes = frame_at(arc, one.time, dt), slopes_at(arc, one.time, dt)
         # d shrinks as P_r moves along t, the outward normal: ∇d = −tᵀ ∂P_r/∂u.
         t_x, t_y = at.cos * n_x - at.sin * n_y, at.sin * n_x + at.cos * n_y
         a_v = -t_x * slopes.x_v - t_y * slopes.y_v
         # P_r turns with the robot, as in J_0 of Eq. 4.
-        a_omega = (n_x * side.y - n_y * side.x) * slopes.turn
+        a_omega = (n_x * one.y - n_y * one.x) * slopes.turn
         a_omega = a_omega - t_x * slopes.x_omega - t_y * slopes.y_omega
         rows[count, A_V], rows[count, A_OMEGA] = a_v, a_omega
-        rows[count, B] = a_v * about[0] + a_omega * about[1] + ROW_ROOM - side.room
-        rows[count, ROW_OWNER] = scene.bodies[side.body].owner
+        rows[count, B] = a_v * about[0] + a_omega * about[1] + ROW_ROOM - one.margin
+        rows[count, ROW_OWNER] = scene.bodies[one.body].owner
         count += 1
     return count
 
@@ -345,12 +345,13 @@ class Query(NamedTuple):
 
     Attributes:
         box: Limits of the target.
-        command: v and ω.
-        desired: The same, with look-ahead within the limits.
+        command: v and ω as requested.
+        desired: The command; with look-ahead clipped to the limits.
         many: Control steps per arc of a ramp, driven with their mean twist.
         tables: Memory.
         rows: Memory of the QP; the first ``separating`` rows are filled in.
-        separating: Rows of the present, of static obstacles inside r_min.
+        separating: Rows of the present: with look-ahead of static obstacles inside
+            r_min only, without it of all obstacles in reach.
         slack_tolerance: See :func:`qpavoid.qp.exact.relaxation`.
         ahead: Whether with look-ahead.
     """
@@ -367,7 +368,7 @@ class Query(NamedTuple):
 
 
 class Proposal(NamedTuple):
-    """Solution of a QP: a constant twist.
+    """A QP linearised about a twist, and its solution: a constant twist.
 
     Attributes:
         twist: v, m/s, and ω, rad/s.
@@ -381,7 +382,7 @@ class Proposal(NamedTuple):
     twist: Pair
     cost: float
     about: Pair
-    met: Meeting
+    met: Violation
     trust: Pair
     ahead: bool
 
@@ -401,7 +402,7 @@ def twist_cost(scene: Scene, one: Pair, other: Pair) -> float:
 
 
 @compiled_once
-def lacking(query: Query, twist: Pair) -> float:
+def row_violation(query: Query, twist: Pair) -> float:
     """Return the greatest violation of the rows of the present, m/s; 0: by rounding."""
     rows, least = query.rows, RESIDUAL_TOLERANCE * SEPARATION
     missing = least
@@ -415,11 +416,11 @@ def lacking(query: Query, twist: Pair) -> float:
 def cost_of(scene: Scene, query: Query, twist: Pair) -> float:
     """Return the cost of a twist, (m/s)²: the QP's, and of rows that it violates."""
     cost = twist_cost(scene, twist, query.desired)
-    return cost + UNSEPARATED * lacking(query, twist)
+    return cost + UNSEPARATED * row_violation(query, twist)
 
 
 @compiled_once
-def violation(scene: Scene, rollout: Rollout, first: int) -> Meeting:
+def violation(scene: Scene, rollout: Rollout, first: int) -> Violation:
     """Return a violation along a rollout; −1 if there is none.
 
     Body ``first`` is checked first, then the others in the order of their rows. Static
@@ -429,14 +430,14 @@ def violation(scene: Scene, rollout: Rollout, first: int) -> Meeting:
     s, slack = scene.settings[0], 0.5 * tolerance(scene)
     watch = Watch((s.horizon, 0.0), (s.horizon_still, 0.0))
     if first >= 0:
-        met = is_met(scene, rollout, first, watch, slack)
+        met = violation_of(scene, rollout, first, watch, slack)
         if met.body >= 0:
             return met
-    return first_met(scene, rollout, watch, slack)
+    return first_violated(scene, rollout, watch, slack)
 
 
 @compiled_once
-def driven_on(scene: Scene, query: Query, twist: Pair) -> Rollout:
+def rollout_of(scene: Scene, query: Query, twist: Pair) -> Rollout:
     """Return the rollout of a constant twist, a control step beyond the horizon."""
     s = scene.settings[0]
     plan = hold(twist[0], twist[1], s.horizon + s.dt)
@@ -460,7 +461,7 @@ def qp_of(scene: Scene, query: Query, proposal: Proposal) -> Problem:
     """Fill in the rows of a proposal's QP."""
     count = query.separating
     if proposal.ahead:
-        rollout = driven_on(scene, query, proposal.about)
+        rollout = rollout_of(scene, query, proposal.about)
         count += linearised_rows(
             scene, rollout, proposal.met, query.tables, query.rows[count:]
         )
@@ -488,9 +489,9 @@ def solution(query: Query, qp: Problem) -> Optimum:
 
 
 @compiled
-def nowhere(twist: Pair, trust: Pair, ahead: bool) -> Proposal:
+def unsolved(twist: Pair, trust: Pair, ahead: bool) -> Proposal:
     """Return the problem about a twist, without a solution."""
-    return Proposal(twist, math.inf, twist, Meeting(-1, 0.0), trust, ahead)
+    return Proposal(twist, math.inf, twist, Violation(-1, 0.0), trust, ahead)
 
 
 @compiled
@@ -523,12 +524,12 @@ def proposal_near(scene: Scene, query: Query, start: Pair, limit: float) -> Prop
     solution in a trust region of width 0. A start whose cost exceeds ``limit`` is
     abandoned.
     """
-    best = nowhere(within_wheels(scene.robot, start), POINT, True)
+    best = unsolved(within_wheels(scene.robot, start), POINT, True)
     trial = at_cost(best, cost_of(scene, query, best.twist))
     about, where, halved, count = best, -1, 0, 0
     tries = PATIENT if limit == math.inf else HOPELESS
     for iteration in range(ITERATIONS):
-        rollout = driven_on(scene, query, trial.twist)
+        rollout = rollout_of(scene, query, trial.twist)
         met, trust = violation(scene, rollout, where), WHOLE
         where = met.body
         if met.body < 0:
@@ -572,7 +573,7 @@ def best_proposal(scene: Scene, query: Query, kept: Row) -> Proposal:
     increased by the cost of the change for others.
     """
     s, target = scene.settings[0], first_target(scene, plan_of(kept))
-    best, follows = nowhere(query.desired, WHOLE, True), kept.mode != FREE
+    best, follows = unsolved(query.desired, WHOLE, True), kept.mode != AS_COMMANDED
     due = GROUPS if any_moves(scene) else 2
     if follows:
         best = proposal_near(scene, query, target, math.inf)
@@ -580,7 +581,7 @@ def best_proposal(scene: Scene, query: Query, kept: Row) -> Proposal:
             best = at_cost(best, best.cost * (1.0 - s.hysteresis))
             kept.due -= 1
             due = 0 if kept.due >= 0 else 1
-        elif kept.mode >= NEW_PLAN:
+        elif kept.mode >= SEARCHED:
             due = 1
     if best.cost == math.inf or due > 0:
         kept.due = math.floor(s.review / (GROUPS * s.dt))

@@ -1,33 +1,36 @@
-"""Selection of the plan that is driven: the first clear one in the order of cost.
+"""Selection of the plan that is driven.
 
-1. the command, with the separating rows;
-2. the QP's proposals (:mod:`qpavoid.avoidance.proposals`);
-3. the rest of the last plan;
-4. plans of two twists, among moving obstacles.
+The first clear one of:
 
-If none is clear, the plan with the largest margin, first of static bodies, then of
-moving ones: of braking along the arc, the rest of the last plan, and the best one of
-two twists.
+1. the command, projected onto the rows of the present;
+2. the rest of the last plan, if it is recent, and not much dearer than the cheapest
+   proposal;
+3. the cheapest proposal of the QP (:mod:`qpavoid.avoidance.proposals`);
+4. the rest of the last plan, if there is a proposal.
+
+Else, and without a proposal, the one with the largest margin, first of static bodies,
+then of moving ones, among: braking along the arc, the rest of the last plan, and among
+moving obstacles the best plan of two twists.
 """
 
 import math
 from typing import NamedTuple
 
 from qpavoid.avoidance.bodies import Scene, any_moves, moves, threshold
-from qpavoid.avoidance.clearance import (
+from qpavoid.avoidance.margin import (
     UNWATCHED,
     Watch,
-    first_met,
+    first_violated,
+    margin_at,
     next_body,
-    room_at,
     too_near,
 )
 from qpavoid.avoidance.plan import (
+    BRAKED,
     CARRIED,
-    FREE,
-    NEW_PLAN,
-    ROUND,
-    STUCK,
+    AS_COMMANDED,
+    PROPOSED,
+    SEARCHED,
     Plan,
     Rollout,
     hold,
@@ -42,19 +45,19 @@ from qpavoid.avoidance.proposals import (
     Query,
     best_proposal,
     cost_of,
-    driven_on,
-    nowhere,
+    rollout_of,
     solved,
     twist_cost,
+    unsolved,
     violation,
 )
 from qpavoid.avoidance.verdict import (
     BRAKING_PLAN,
-    Margins,
+    PlanMargins,
     clear_plan,
     first_target,
     first_twist,
-    is_followed,
+    is_clear_actuated,
     is_inexact,
     margins,
     may_move,
@@ -79,7 +82,7 @@ ALIKE = 1e-3
 BETTER = 3e-3
 """m; hysteresis of the margin for a change of the plan."""
 
-SHARES = 3
+THIRDS = 3
 """Control steps over which the search is spread after it has been done in full."""
 
 NO_ROOM = -1e9
@@ -94,14 +97,14 @@ class Found(NamedTuple):
 
     Attributes:
         plan: The plan; its first twist is the target.
-        room: Least margin of moving bodies, m, or :data:`NO_ROOM`.
+        margin: Least margin of moving bodies, m, or :data:`NO_ROOM`.
         cost: Of its first twist, and a tenth of that of its second, (m/s)².
         body: Violated body, checked first for the next plan; −1: none.
         time: Of the violation, s.
     """
 
     plan: Plan
-    room: float
+    margin: float
     cost: float
     body: int
     time: float
@@ -110,19 +113,19 @@ class Found(NamedTuple):
 @compiled
 def is_refused(found: Found) -> bool:
     """Return whether a plan is rejected: its margin is about :data:`NO_ROOM`."""
-    return not found.room > 0.5 * NO_ROOM
+    return not found.margin > 0.5 * NO_ROOM
 
 
 @compiled
-def evenly(box: Box, number: int) -> Pair:
-    """Return one of 5 × 5 twists, evenly spaced within the limits."""
+def even_twist(box: Box, number: int) -> Pair:
+    """Return one of 5 × 5 twists, even_twist spaced within the limits."""
     v = box.v_min + 0.25 * (number // 5) * (box.v_max - box.v_min)
     width = box.omega_max - box.omega_min
     return v, box.omega_min + 0.25 * (number % 5) * width
 
 
 @compiled
-def extreme(box: Box, number: int) -> Pair:
+def extreme_twist(box: Box, number: int) -> Pair:
     """Return one of 3 × 3 twists with v and ω least, 0 or greatest."""
     v = (box.v_min, 0.0, box.v_max)[number // 3]
     return v, (box.omega_min, 0.0, box.omega_max)[number % 3]
@@ -136,23 +139,23 @@ def plan_cost(scene: Scene, query: Query, plan: Plan) -> float:
 
 
 @compiled
-def worth(room: float) -> float:
+def quantised(margin: float) -> float:
     """Return the margin in units of :data:`ALIKE`, at most :data:`PLENTY`, m."""
     # Quantised: a margin larger by less than a millimetre is worth no higher cost.
-    return ALIKE * math.floor(min(room, PLENTY) / ALIKE)
+    return ALIKE * math.floor(min(margin, PLENTY) / ALIKE)
 
 
 @compiled_once
 def is_better(one: Found, other: Found) -> bool:
-    """Return whether a plan is better: by worth, then cost, then margin.
+    """Return whether a plan is better: by quantised margin, then cost, then margin.
 
     A total order, independent of the order of the search.
     """
-    if worth(one.room) != worth(other.room):
-        return one.room > other.room
+    if quantised(one.margin) != quantised(other.margin):
+        return one.margin > other.margin
     if one.cost != other.cost:
         return one.cost < other.cost
-    return one.room > other.room
+    return one.margin > other.margin
 
 
 @compiled
@@ -175,9 +178,7 @@ def time_until_near(scene: Scene, rollout: Rollout, level: float, end: float) ->
 
 
 @compiled_once
-def looked_at(
-    scene: Scene, query: Query, plan: Plan, best: Found, last: Found
-) -> Found:
+def scored(scene: Scene, query: Query, plan: Plan, best: Found, last: Found) -> Found:
     """Return the score of a plan, as far as it can be better than the best so far.
 
     Args:
@@ -189,49 +190,51 @@ def looked_at(
     """
     cost, body, time = plan_cost(scene, query, plan), last.body, last.time
     failed = Found(plan, NO_ROOM, cost, body, time)
-    level = worth(best.room)
-    if best.room >= PLENTY and cost > best.cost:
+    level = quantised(best.margin)
+    if best.margin >= PLENTY and cost > best.cost:
         return failed
     rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
     # The last violation recurs for most of the next plans: one check rejects them.
-    if body >= 0 and room_at(scene, rollout, body, time) < level_of(scene, body, level):
+    if body >= 0 and margin_at(scene, rollout, body, time) < level_of(
+        scene, body, level
+    ):
         return failed
     moving, still = (scene.settings[0].horizon, level), (rollout.rest, threshold(scene))
-    met = first_met(scene, rollout, Watch(moving, UNWATCHED), ALIKE)
+    met = first_violated(scene, rollout, Watch(moving, UNWATCHED), ALIKE)
     if met.body < 0:
-        met = first_met(scene, rollout, Watch(UNWATCHED, still), ALIKE)
+        met = first_violated(scene, rollout, Watch(UNWATCHED, still), ALIKE)
     if met.body >= 0:
         return Found(plan, NO_ROOM, cost, met.body, met.time)
     return Found(plan, moving_margin(scene, rollout, MOST_ROOM), cost, body, time)
 
 
 @compiled_once
-def best_plan(scene: Scene, query: Query, kept: Plan, share: int) -> Found:
+def best_plan(scene: Scene, query: Query, last_plan: Plan, third: int) -> Found:
     """Return the plan of two extreme twists with the largest margin.
 
-    The last plan is retained unless another one is better by :data:`BETTER`. ``share``
-    0: all first twists are searched, else the third of them whose turn it is; all
+    The last plan is retained unless another one is better by :data:`BETTER`. ``third``
+    0: all first twists are searched, else a third of them; all
     constant twists in any case.
     """
     box, s, anew = query.box, scene.settings[0], False
     end = whole_steps(s.horizon, s.dt)
-    nothing = Found(kept, NOTHING_YET, math.inf, -1, 0.0)
-    first = looked_at(scene, query, kept, nothing, nothing)
+    nothing = Found(last_plan, NOTHING_YET, math.inf, -1, 0.0)
+    first = scored(scene, query, last_plan, nothing, nothing)
     # Hysteresis: another plan has to be better by BETTER.
-    best, last = Found(kept, first.room + BETTER, first.cost, -1, 0.0), first
+    best, last = Found(last_plan, first.margin + BETTER, first.cost, -1, 0.0), first
     for i in range(9 + 25):
-        twist = extreme(box, i) if i < 9 else evenly(box, i - 9)
+        twist = extreme_twist(box, i) if i < 9 else even_twist(box, i - 9)
         plan = hold(twist[0], twist[1], end)
-        last = looked_at(scene, query, plan, best, last)
+        last = scored(scene, query, plan, best, last)
         if is_better(last, best):
             best, anew = last, True
     for i in range(9):
-        if share > 0 and i // 3 != share - 1:
+        if third > 0 and i // 3 != third - 1:
             continue
-        twist = extreme(box, i)
+        twist = extreme_twist(box, i)
         plan = hold(twist[0], twist[1], end)
         rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
-        level = worth(best.room)
+        level = quantised(best.margin)
         # A switch after the violation is too late for any second twist.
         latest, before = time_until_near(scene, rollout, level, s.horizon), 0.0
         for time in SWITCHES:
@@ -240,12 +243,12 @@ def best_plan(scene: Scene, query: Query, kept: Plan, share: int) -> Found:
                 continue
             before = switch
             for j in range(9):
-                then = extreme(box, j)
+                then = extreme_twist(box, j)
                 # A constant twist, scored above.
                 if j == i:
                     continue
                 plan = Plan(twist[0], twist[1], switch, then[0], then[1], end)
-                last = looked_at(scene, query, plan, best, last)
+                last = scored(scene, query, plan, best, last)
                 if is_better(last, best):
                     best, anew = last, True
     return best if anew else first
@@ -261,8 +264,8 @@ class Choice(NamedTuple):
 
     Attributes:
         plan: Its first twist is driven.
-        mode: See :mod:`qpavoid.avoidance.plan`.
-        until: s for which the margin of moving bodies is verified.
+        mode: How it was found; see :mod:`qpavoid.avoidance.plan`.
+        until: s for which the margins of moving bodies were checked.
         margins: Of the plan; clear if both are at least −ε.
         proposal: QP whose solution the plan holds; of cost ``inf``: none.
         owner: Obstacle that the command violates, or −1.
@@ -271,7 +274,7 @@ class Choice(NamedTuple):
     plan: Plan
     mode: int
     until: float
-    margins: Margins
+    margins: PlanMargins
     proposal: Proposal
     owner: int
 
@@ -279,35 +282,35 @@ class Choice(NamedTuple):
 @compiled_once
 def select(scene: Scene, query: Query, kept: Row) -> Choice:
     """Return the plan driven, with look-ahead."""
-    none = nowhere(query.desired, WHOLE, False)
+    none, horizon = unsolved(query.desired, WHOLE, False), scene.settings[0].horizon
     command = solved(scene, query, none, query.separating)
-    body = violation(scene, driven_on(scene, query, command.twist), -1).body
+    body = violation(scene, rollout_of(scene, query, command.twist), -1).body
     if body < 0:
         plan = clear_plan(scene, command.twist)
         if plan.end > 0.0:
-            return clear_choice(scene, plan, FREE, command, -1)
+            return clear_choice(scene, plan, AS_COMMANDED, horizon, command, -1)
     owner = scene.bodies[body].owner if body >= 0 else -1
     best = best_proposal(scene, query, kept)
     # Hysteresis: switching at every small gain would stall the robot.
-    dearer = is_dearer(scene, query, best, kept)
+    dearer = last_is_cheaper(scene, query, best, kept)
     goes_on = dearer and carries_on(scene, kept)
     if best.cost < math.inf and not goes_on:
         plan = clear_plan(scene, best.twist)
         if plan.end > 0.0:
-            return clear_choice(scene, plan, ROUND, best, owner)
+            return clear_choice(scene, plan, PROPOSED, horizon, best, owner)
     if goes_on or (best.cost < math.inf and carries_on(scene, kept)):
-        clear = Margins(threshold(scene), 0.0)
-        return Choice(plan_of(kept), CARRIED, kept.until, clear, none, owner)
+        plan = plan_of(kept)
+        return clear_choice(scene, plan, CARRIED, kept.until, none, owner)
     return fallback(scene, query, kept, owner)
 
 
 @compiled
 def clear_choice(
-    scene: Scene, plan: Plan, mode: int, proposal: Proposal, owner: int
+    scene: Scene, plan: Plan, mode: int, until: float, proposal: Proposal, owner: int
 ) -> Choice:
-    """Return the choice of a clear plan that holds a QP's solution."""
-    clear = Margins(threshold(scene), 0.0)
-    return Choice(plan, mode, scene.settings[0].horizon, clear, proposal, owner)
+    """Return the choice of a clear plan; its margins are not computed."""
+    clear = PlanMargins(threshold(scene), 0.0)
+    return Choice(plan, mode, until, clear, proposal, owner)
 
 
 @compiled_once
@@ -318,40 +321,40 @@ def select_now(scene: Scene, query: Query, kept: Row) -> Choice:
     braking.
     """
     s, target = scene.settings[0], first_twist(scene, BRAKING_PLAN)
-    none = nowhere(query.desired, WHOLE, False)
+    none = unsolved(query.desired, WHOLE, False)
     first = none
-    for share in TRUST:
-        qp, (v, omega) = none, first.twist
-        if share < math.inf:
-            trust = (share * abs(v - target[0]), share * abs(omega - target[1]))
-            qp = nowhere(target, trust, False)
-        qp = solved(scene, query, qp, query.separating)
-        if qp.cost == math.inf:
+    for size in TRUST:
+        found, (v, omega) = none, first.twist
+        if size < math.inf:
+            trust = (size * abs(v - target[0]), size * abs(omega - target[1]))
+            found = unsolved(target, trust, False)
+        found = solved(scene, query, found, query.separating)
+        if found.cost == math.inf:
             break
-        plan = hold(qp.twist[0], qp.twist[1], s.dt)
+        plan = hold(found.twist[0], found.twist[1], s.dt)
         if s.braking_room == 0 or verdict(scene, plan, 0.0):
-            return clear_choice(scene, plan, ROUND, qp, -1)
-        if share == math.inf:
-            first = qp
+            return clear_choice(scene, plan, PROPOSED, s.horizon, found, -1)
+        if size == math.inf:
+            first = found
     return fallback(scene, query, kept, -1)
 
 
 @compiled_once
 def fallback(scene: Scene, query: Query, kept: Row, owner: int) -> Choice:
     """Return the choice of a plan of two twists, of the last plan, or of braking."""
-    none, least = nowhere(query.desired, WHOLE, False), margins(scene, BRAKING_PLAN)
-    choice = Choice(BRAKING_PLAN, STUCK, kept.until, least, none, owner)
+    none, least = unsolved(query.desired, WHOLE, False), margins(scene, BRAKING_PLAN)
+    choice = Choice(BRAKING_PLAN, BRAKED, kept.until, least, none, owner)
     plan, horizon = plan_of(kept), scene.settings[0].horizon
     if has_plan(scene, kept):
-        other = Choice(plan, NEW_PLAN, kept.until, margins(scene, plan), none, owner)
+        other = Choice(plan, SEARCHED, kept.until, margins(scene, plan), none, owner)
         choice = better_of(scene, choice, other)
     else:
         plan = hold(0.0, 0.0, whole_steps(horizon, scene.settings[0].dt))
     if any_moves(scene):
-        found = best_plan(scene, query, plan, kept.share)
+        found = best_plan(scene, query, plan, kept.third)
         if not is_refused(found):
             least = margins(scene, found.plan)
-            other = Choice(found.plan, NEW_PLAN, horizon, least, none, owner)
+            other = Choice(found.plan, SEARCHED, horizon, least, none, owner)
             choice = better_of(scene, choice, other)
     return choice
 
@@ -364,7 +367,7 @@ def better_of(scene: Scene, choice: Choice, other: Choice) -> Choice:
     with the larger margin.
     """
     twist, least = first_twist(scene, other.plan), other.margins
-    if least.static < choice.margins.static or not is_followed(scene, twist):
+    if least.static < choice.margins.static or not is_clear_actuated(scene, twist):
         return choice
     better = least.static > choice.margins.static
     better = better or least.moving >= threshold(scene)
@@ -374,13 +377,13 @@ def better_of(scene: Scene, choice: Choice, other: Choice) -> Choice:
 
 
 @compiled_once
-def is_dearer(scene: Scene, query: Query, best: Proposal, kept: Row) -> bool:
+def last_is_cheaper(scene: Scene, query: Query, best: Proposal, kept: Row) -> bool:
     """Return whether the last plan is cheaper than the best proposal, if any.
 
     Only for a followed plan that was found within the last ``review`` seconds.
     """
     s = scene.settings[0]
-    if kept.mode == FREE or kept.until < s.horizon - s.review:
+    if kept.mode == AS_COMMANDED or kept.until < s.horizon - s.review:
         return False
     present = cost_of(scene, query, first_target(scene, plan_of(kept)))
     cost = cost_of(scene, query, best.twist)

@@ -25,10 +25,10 @@ from qpavoid.avoidance.bodies import (
 from qpavoid.avoidance.cbf_rows import (
     BARRIER,
     constraint_rows,
-    may_be_here,
+    is_too_old,
+    required_distance,
     row_reach,
     turn_to_walls,
-    wanted_distance,
 )
 from qpavoid.avoidance.decision import (
     BRAKING,
@@ -43,35 +43,35 @@ from qpavoid.avoidance.decision import (
 from qpavoid.avoidance.plan import (
     ARC,
     ARC_SIZE,
+    BRAKED,
     KEPT,
-    NEW_PLAN,
     PENDING,
-    ROUND,
-    STUCK,
+    PROPOSED,
+    SEARCHED,
     FilterStateWritten,
     Plan,
     frame_of_effect,
     hold,
     keep_plan,
     most_arcs,
-    pending_pace,
+    pending_sums,
 )
 from qpavoid.avoidance.proposals import (
     FRAME,
     FRAME_SIZE,
+    PREDICTED,
+    PREDICTED_SIZE,
     SEPARATION,
-    SIDE,
-    SIDE_SIZE,
     Problem,
     Query,
     Tables,
-    lacking,
-    most_sides,
+    most_predicted,
     qp_of,
+    row_violation,
     snapped,
     solution,
 )
-from qpavoid.avoidance.selection import SHARES, Choice, fallback, select, select_now
+from qpavoid.avoidance.selection import THIRDS, Choice, fallback, select, select_now
 from qpavoid.avoidance.settings import MOST_PENDING, FilterSettings
 from qpavoid.avoidance.verdict import first_twist, verdict
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
@@ -149,7 +149,7 @@ MOST_TICKS = 1e6
 
 @entry
 @compiled_once
-def is_counted(edges: Edges, robot: LimitVector, settings: FilterSettings) -> bool:
+def has_valid_sizes(edges: Edges, robot: LimitVector, settings: FilterSettings) -> bool:
     """Return whether the settings give a valid layout of the memory."""
     s = settings[0]
     ticks = 0.0 < s.tick and s.horizon <= MOST_TICKS * s.tick
@@ -171,34 +171,36 @@ def look_ticks(settings: FilterSettings) -> int:
 @compiled_once
 def memory_size(contacts: int, settings: FilterSettings) -> int:
     """Return the numbers of memory that a step with so many contacts needs."""
-    # The sizes of `carve`: 8 rows more for the four of the wheels and the four limits
-    # of the solver. A float: an int of C could overflow.
-    sides, many = most_sides(look_ticks(settings)), float(contacts)
-    rows = many + sides + 8
+    # The sizes of `workspace_in`: 8 rows more for the four of the wheels and the four
+    # limits of the solver. A float: an int of C could overflow.
+    predicted, many = most_predicted(look_ticks(settings)), float(contacts)
+    rows = many + predicted + 8
     tables = (many + contacts // FEW) * BODY_SIZE
-    tables += most_arcs(settings) * ARC_SIZE + sides * SIDE_SIZE
+    tables += most_arcs(settings) * ARC_SIZE + predicted * PREDICTED_SIZE
     tables += (look_ticks(settings) + 1) * FRAME_SIZE
     each = CONTACT_SIZE + 2 + CAPSULE_WIDTH
     return int(many * each + rows * ROW_WIDTH + tables + PROBLEM_SIZE)
 
 
 @compiled_once
-def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Workspace:
+def workspace_in(
+    memory: Array, contacts: int, settings: npt.NDArray[np.void]
+) -> Workspace:
     """Return the memory as the tables of a step."""
-    sides, arcs = most_sides(look_ticks(settings)), most_arcs(settings)
+    predicted, arcs = most_predicted(look_ticks(settings)), most_arcs(settings)
     a = contacts * CONTACT_SIZE
-    b = a + (contacts + sides + 8) * ROW_WIDTH
+    b = a + (contacts + predicted + 8) * ROW_WIDTH
     d = b + contacts * BODY_SIZE
     e = d + contacts // FEW * BODY_SIZE
     f = e + arcs * ARC_SIZE
-    g = f + sides * SIDE_SIZE
+    g = f + predicted * PREDICTED_SIZE
     h = g + 2 * contacts
     i = h + CAPSULE_WIDTH * contacts
     end = i + (look_ticks(settings) + 1) * FRAME_SIZE
-    tables = Tables(memory[f:g].view(SIDE), memory[i:end].view(FRAME))
+    tables = Tables(memory[f:g].view(PREDICTED), memory[i:end].view(FRAME))
     return Workspace(
         memory[:a],
-        memory[a:b].reshape(contacts + sides + 8, ROW_WIDTH),
+        memory[a:b].reshape(contacts + predicted + 8, ROW_WIDTH),
         memory[b:d].view(BODY),
         memory[d:e].view(BODY),
         memory[e:f].view(ARC),
@@ -215,7 +217,7 @@ def new_scene(
 ) -> Scene:
     """Return the scene of a control step with so many bodies."""
     (edges, robot, settings), s = setup, setup.settings[0]
-    last, pending = (state[0], state[1]), pending_pace(settings, state)
+    last, pending = (state[0], state[1]), pending_sums(settings, state)
     longest = s.dt * (1.0 + s.jitter)
     # fmt: off
     return Scene(edges, robot, settings, space.bodies[:count], last, pending,
@@ -224,7 +226,7 @@ def new_scene(
 
 
 @compiled_once
-def seen_then(
+def obstacles_at_effect(
     setup: Setup, obstacles: Arrays, state: Array, space: Workspace
 ) -> Arrays:
     """Return the obstacles in the robot frame when the next twist takes effect."""
@@ -257,7 +259,7 @@ class Outcome(NamedTuple):
         clearance: Of the nearest obstacle, m.
         slack: Relaxation of the rows, m/s.
         residual: Of the certificate.
-        shortfall: Predicted violation of r_min of moving obstacles, m.
+        shortfall: Predicted violation of the required distance, m.
         first: Obstacle of an active constraint, or −1.
         second: Another one, or −1.
     """
@@ -279,7 +281,7 @@ def no_outcome(code: int) -> Outcome:
     return Outcome(code, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, -1, -1)
 
 
-@entry_if(is_counted)
+@entry_if(has_valid_sizes)
 @compiled_once
 def filter_outcome(
     setup: Setup,
@@ -296,8 +298,8 @@ def filter_outcome(
     Args:
         setup: Footprint, limits and settings.
         request: Obstacles and command.
-        answer: Of a back end to the QP that a step without it leaves in memory; NaN: it
-            failed.
+        answer: Twist of a back end: the solution of the QP that a call with
+            :data:`NO_ANSWER`, on a copy of the state, left in memory; NaN: it failed.
         state: Updated.
         memory: Overwritten.
     """
@@ -305,8 +307,8 @@ def filter_outcome(
     most = most_contacts(edges, request.obstacles)
     if memory.shape[0] < memory_size(most, settings):
         return no_outcome(WORKSPACE_TOO_SMALL)
-    space, (v, omega) = carve(memory, most, settings), request.desired
-    obstacles = seen_then(setup, request.obstacles, state, space)
+    space, (v, omega) = workspace_in(memory, most, settings), request.desired
+    obstacles = obstacles_at_effect(setup, request.obstacles, state, space)
     reach = row_reach(robot, settings, obstacles[1], request.age)
     radius = limits_of(robot).circumradius
     n, nearest = contact_table(edges, radius, obstacles, reach, space.contacts)
@@ -316,12 +318,12 @@ def filter_outcome(
     clearance = contacts[nearest].distance if nearest >= 0 else math.inf
     barrier, age, count = s.bound == BARRIER, request.age, 0
     ahead = request.ahead and barrier
-    old = barrier and may_be_here(contacts, settings, age)
+    old = barrier and is_too_old(contacts, settings, age)
     scene = new_scene(setup, state, space, most, clearance)
     if barrier and not old:
         count = bodies_in_reach(scene, obstacles, age, s.horizon if ahead else 0.0)
     scene = new_scene(setup, state, space, count, clearance)
-    query = query_of(scene, request, space, contacts)
+    query = query_of(scene, request, space, contacts, ahead)
     kept = state[:PENDING].view(KEPT)[0]
     if old:
         # No plan is searched, none retained.
@@ -331,21 +333,20 @@ def filter_outcome(
         choice = select(scene, query, kept)
     else:
         choice = select_now(scene, query, kept)
-    return driven(scene, query, choice, answer, space, state)
+    return finished(scene, query, choice, answer, space, state)
 
 
 @compiled_once
 def query_of(
-    scene: Scene, request: Request, space: Workspace, contacts: Table
+    scene: Scene, request: Request, space: Workspace, contacts: Table, ahead: bool
 ) -> Query:
-    """Return the problem of a step, with the rows of the present."""
+    """Write the rows of the present; return the problem of a step."""
     s, robot, last, age = scene.settings[0], scene.robot, scene.last, request.age
-    ahead = request.ahead and s.bound == BARRIER
-    wish = clipped(request.desired, Box(-GREATEST, GREATEST, -GREATEST, GREATEST))
+    command = clipped(request.desired, Box(-GREATEST, GREATEST, -GREATEST, GREATEST))
     box, rows = twist_box(robot, last[0], last[1], s.dt), space.rows
     if ahead:
         box = look_box(robot)
-        _, near = wanted_distance(scene.settings, 0.0, age)
+        _, near = required_distance(scene.settings, 0.0, age)
         if scene.clearance < near:
             turn_to_walls(scene.edges, contacts, near)
     m = constraint_rows(contacts, robot, scene.settings, box, age, ahead, rows)
@@ -353,12 +354,12 @@ def query_of(
         for column in range(A_V, B + 1):
             rows[i, column] *= SEPARATION
     many, slack = max(1, round(s.tick / s.dt)), s.slack_tolerance
-    desired = clipped(wish, box) if ahead else wish
-    return Query(box, wish, desired, many, space.tables, rows, m, slack, ahead)
+    desired = clipped(command, box) if ahead else command
+    return Query(box, command, desired, many, space.tables, rows, m, slack, ahead)
 
 
 @compiled_once
-def driven(
+def finished(
     scene: Scene,
     query: Query,
     choice: Choice,
@@ -366,7 +367,10 @@ def driven(
     space: Workspace,
     state: Array,
 ) -> Outcome:
-    """Retain the plan of a choice; return the outcome, and leave its QP in memory."""
+    """Certify the QP of a choice and retain its plan; return the outcome.
+
+    The QP is left in memory. If it fails, the fallback is driven.
+    """
     s, proposed = scene.settings[0], choice.proposal.cost < math.inf
     kept = state[:PENDING].view(KEPT)[0]
     answered = not (math.isinf(answer[0]) or math.isinf(answer[1]))
@@ -380,7 +384,7 @@ def driven(
     twist = answer if answered else (found.v, found.omega)
     relaxed = relaxation(found.slack, query.slack_tolerance)
     residual = max(*certificate(rows, qp.terms, relaxed, twist))
-    first, second = holders(rows[: qp.m], found, choice.owner)
+    first, second = active_obstacles(rows[: qp.m], found, choice.owner)
     failed = not (found.found and residual <= RESIDUAL_TOLERANCE)
     if failed:
         choice, first, second = fallback(scene, query, kept, -1), -1, -1
@@ -388,17 +392,17 @@ def driven(
         choice = answered_by(scene, query, choice, twist)
     twist, slack = first_twist(scene, choice.plan), 0.0
     if proposed and not failed:
-        slack = lacking(query, twist) if query.ahead else found.slack
+        slack = row_violation(query, twist) if query.ahead else found.slack
     level, least = threshold(scene), choice.margins
     code = STOPPED if failed else code_of(scene, query, choice, twist, slack)
     margin = least.moving
     if least.static < level:
         margin = min(margin, least.static)
     kept.mode = choice.mode
-    if choice.mode == ROUND:
-        kept.share = 0
-    elif choice.mode == NEW_PLAN or choice.mode == STUCK:
-        kept.share = kept.share % SHARES + 1
+    if choice.mode == PROPOSED:
+        kept.third = 0
+    elif choice.mode == SEARCHED or choice.mode == BRAKED:
+        kept.third = kept.third % THIRDS + 1
     keep_plan(state, twist, choice.plan, choice.until, s.dt)
     shortfall = -margin if margin < level else 0.0
     # fmt: off
@@ -430,7 +434,7 @@ def code_of(
             return RELAXED
         return TRACKING if twist == query.command else FILTERED
     rests = twist == (0.0, 0.0)
-    if choice.mode == STUCK:
+    if choice.mode == BRAKED:
         return HOLDING if rests else BRAKING
     if least.moving < level or least.static < level:
         return RELAXED
@@ -445,7 +449,7 @@ def is_rest(plan: Plan) -> bool:
 
 
 @compiled_once
-def holders(rows: Array, found: Optimum, owner: int) -> tuple[int, int]:
+def active_obstacles(rows: Array, found: Optimum, owner: int) -> tuple[int, int]:
     """Return the obstacles of the active rows, else of the command; −1: none."""
     m, one, other = rows.shape[0], found.first, found.second
     first = int(rows[one, ROW_OWNER]) if 0 <= one < m else -1
@@ -465,7 +469,7 @@ def set_problem(memory: Array, qp: Problem) -> None:
     memory[6], memory[7] = terms.desired
 
 
-@entry_if(is_counted)
+@entry_if(has_valid_sizes)
 @compiled_once
 def filter_step(
     edges: Edges,

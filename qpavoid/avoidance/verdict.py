@@ -2,9 +2,9 @@
 
 A plan is the twist for the coming control step, then the rest of the plan, then braking
 along the arc until the robot stands still. It is verified against all bodies in
-continuous time (:mod:`qpavoid.avoidance.clearance`). It is *clear* if the margin of
-every body is at least −ε: of static bodies until the robot stands, of moving ones, with
-their velocities and inflation, up to the horizon H. The plan of the driven twist is
+continuous time (:mod:`qpavoid.avoidance.margin`). It is *clear* if the margin of every
+body is at least −ε: of static bodies until the robot stands, of moving ones, with their
+velocities and inflation, up to the horizon H from now. The plan of the driven twist is
 retained. If no other plan is clear, its rest is driven, and at its end the robot
 brakes: a gatekeeper [Agrawal2024], with braking along the arc as the backup
 [Bouraine2012].
@@ -12,7 +12,9 @@ brakes: a gatekeeper [Agrawal2024], with braking along the arc as the backup
 **Theorem 1, static obstacles.** Let obstacles be at rest and measured exactly, twists
 be followed at once and held for dt, the limits include 0, and the robot start at rest
 with d ≥ r_min − ε. Then d ≥ r_min − ε at all times; with ε < r_min there is no contact.
-For any dt and any horizon.
+For any dt and any horizon. Premises of the settings: the bound ``barrier``, with
+``braking_room``, and r_min independent of the closing speed (``closing_gain`` 0).
+ε includes :data:`~qpavoid.avoidance.bodies.REPLAY_ROUNDING`, 1e-8 m.
 
 Proof. Every time of a plan is a number of whole control steps, at least one
 (:func:`qpavoid.avoidance.plan.whole_steps`). So a plan is a sequence of twists,
@@ -25,14 +27,16 @@ and the rest of p is. Either way the step itself keeps d ≥ r_min − ε too. �
 
 Braking is such a plan: the twists u·(1 − k/n) for k = 1 … n, with the least n for which
 no step exceeds the accelerations, have all the same curvature; the robot stays on the
-arc of u and comes to rest where that ends after
-dt + dt·Σ_{k=1}^{n−1} (1 − k/n) = dt·(n + 1)/2, and what remains of that after a step is
+arc of u and comes to rest at the place that u reaches in
+dt + dt·Σ_{k=1}^{n−1} (1 − k/n) = dt·(n + 1)/2; and what remains of that after a step is
 braking from u·(1 − 1/n). The theorem does not depend on how a plan was found. It also
-holds among moving obstacles.
+holds among moving obstacles, but with ``passive``: a robot about to be hit may brake
+although that comes nearer to static obstacles.
 
 **Theorem 2, moving obstacles.** In addition let, from a time t_0 on at which a plan was
 clear, every obstacle keep its velocity of t_0, or stay within its inflation of that
-prediction. Then up to t_0 + H every step has a plan that is clear of all bodies.
+prediction. Then every step up to t_0 + H has a plan that is clear of static bodies, and
+of moving ones up to t_0 + H.
 
 Proof. The rest of the plan of t_0 has the same poses at the same times: its margins are
 among those verified at t_0. ∎
@@ -56,11 +60,11 @@ from qpavoid.avoidance.bodies import (
     threshold,
     tolerance,
 )
-from qpavoid.avoidance.clearance import (
+from qpavoid.avoidance.margin import (
     UNWATCHED,
     Watch,
     keeps_all,
-    least_room,
+    least_margin,
     too_near,
 )
 from qpavoid.avoidance.plan import Plan, Rollout, hold, roll_out, whole_steps
@@ -88,18 +92,18 @@ def verdict(scene: Scene, plan: Plan, until: float) -> bool:
     robot in contact has to resolve it.
     """
     twist, level = first_twist(scene, plan), threshold(scene)
-    if not (is_followed(scene, twist) and may_move(scene, twist, 0.0)):
+    if not (is_clear_actuated(scene, twist) and may_move(scene, twist, 0.0)):
         return False
     rollout = exact_rollout(scene, plan)
     return keeps_all(scene, rollout, Watch((until, level), (rollout.rest, level)))
 
 
-class Margins(NamedTuple):
+class PlanMargins(NamedTuple):
     """Least margins of a plan, m.
 
     Attributes:
-        static: Of static bodies until the robot stands, at most −ε.
-        moving: Of moving bodies up to the horizon, at most 0.
+        static: Of static bodies until the robot stands; −ε if it is not less.
+        moving: Of moving bodies up to the horizon; 0 if it is not less.
     """
 
     static: float
@@ -107,7 +111,7 @@ class Margins(NamedTuple):
 
 
 @compiled_once
-def margins(scene: Scene, plan: Plan) -> Margins:
+def margins(scene: Scene, plan: Plan) -> PlanMargins:
     """Return the least margins of a plan."""
     rollout, level = exact_rollout(scene, plan), threshold(scene)
     static, span = level, (0.0, rollout.rest)
@@ -116,8 +120,8 @@ def margins(scene: Scene, plan: Plan) -> Margins:
         static -= REPLAY_ROUNDING
         for i in range(scene.bodies.shape[0]):
             if not moves(scene, i):
-                static, _ = least_room(scene, rollout, i, span, static)
-    return Margins(static, moving_margin(scene, rollout, 0.0))
+                static, _ = least_margin(scene, rollout, i, span, static)
+    return PlanMargins(static, moving_margin(scene, rollout, 0.0))
 
 
 @compiled_once
@@ -126,7 +130,7 @@ def moving_margin(scene: Scene, rollout: Rollout, enough: float) -> float:
     least, span = enough, (0.0, scene.settings[0].horizon)
     for i in range(scene.bodies.shape[0]):
         if moves(scene, i):
-            least, _ = least_room(scene, rollout, i, span, least)
+            least, _ = least_margin(scene, rollout, i, span, least)
     return least
 
 
@@ -201,7 +205,7 @@ def drift_of(scene: Scene, twist: Pair) -> float:
 
 
 @compiled_once
-def is_followed(scene: Scene, twist: Pair) -> bool:
+def is_clear_actuated(scene: Scene, twist: Pair) -> bool:
     """Return whether one step of a twist, then braking, is clear with the actuator.
 
     Of static bodies. Jitter lengthens the arc, ramps let static bodies grow, and with
@@ -243,7 +247,7 @@ def leaves_contacts(scene: Scene, twist: Pair) -> bool:
     rollout = exact_rollout(scene, hold(twist[0], twist[1], s.dt))
     for i in range(scene.bodies.shape[0]):
         body = scene.bodies[i]
-        touched = body.keep - tolerance(scene) < body.inflation
+        touched = body.required - tolerance(scene) < body.beyond_r_min
         # cap_now has removed all of r_min: the surfaces are in contact.
         if not moves(scene, i) and touched:
             span = (s.dt, max(rollout.rest, s.dt))
@@ -264,7 +268,7 @@ def rests_in_time(scene: Scene, twist: Pair) -> bool:
     for i in range(scene.bodies.shape[0]):
         if moves(scene, i) and rollout.rest > 0.0:
             body = scene.bodies[i]
-            level = body.inflation - body.keep
+            level = body.beyond_r_min - body.required
             near, _ = too_near(scene, rollout, i, (0.0, rollout.rest), level, 0.0)
             if near:
                 return False

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.avoidance.bodies import Scene
-from qpavoid.avoidance.clearance import ends_at, line_contact
+from qpavoid.avoidance.margin import ends_at, line_contact
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.guide.steering import (
     HEADING,
@@ -108,8 +108,8 @@ def room_at_pose(scene: Scene, at: Frame, time: float, enough: float) -> Pair:
         far = radius + body.spread + max(least, surest + spread)
         if far > 0.0 and d_x * d_x + d_y * d_y < far * far:
             contact = line_contact(scene.edges, body, ends_at(body, time, at))
-            least = min(least, contact.distance - body.keep)
-            surest = min(surest, contact.distance - body.keep - spread)
+            least = min(least, contact.distance - body.required)
+            surest = min(surest, contact.distance - body.required - spread)
     return least, surest
 
 

@@ -29,7 +29,7 @@ from qpavoid.avoidance.bodies import (
 )
 from qpavoid.avoidance.plan import ARC
 from qpavoid.avoidance.settings import AvoidanceSettings, radius_curve
-from qpavoid.avoidance.step import is_counted
+from qpavoid.avoidance.step import has_valid_sizes
 from qpavoid.compiled import compiled_once, entry, entry_if
 from qpavoid.guide.choice import (
     FASTEST,
@@ -226,7 +226,7 @@ def _is_staged(
     leads = tracking.ahead.shape[0] > 0 and tracking.dt > 0.0
     if not (leads and 0.0 <= s.reach <= MOST_REACH):
         return False
-    if not (is_counted(edges, robot, settings) and has_way(state)):
+    if not (has_valid_sizes(edges, robot, settings) and has_way(state)):
         return False
     fits: bool = memory.search.shape[0] >= search_size(s.reach)
     most = most_contacts(edges, obstacles)

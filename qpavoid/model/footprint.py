@@ -14,6 +14,9 @@ from qpavoid.model.capsules import CORNER
 from qpavoid.model.contact import point_contact
 from qpavoid.types import Array
 
+BENT = round(CORNER**-2)
+"""Inverse square of the least sine of a corner's turn."""
+
 Corner = tuple[int, int, int]
 """x, y of a corner in exact arithmetic, in a small unit, and its number."""
 
@@ -23,41 +26,49 @@ def turn(a: Corner, b: Corner, c: Corner) -> int:
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
+def square(a: Corner, b: Corner) -> int:
+    """Return the squared distance of two corners."""
+    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2
+
+
+def bends(corners: list[Corner]) -> list[int]:
+    """Return 1 for the corners of a polygon that turn left, −1 right, 0 hardly."""
+    found = []
+    for i, b in enumerate(corners):
+        a, c = corners[i - 1], corners[(i + 1) % len(corners)]
+        left = turn(a, b, c)
+        bent = left * left * BENT > square(a, b) * square(b, c)
+        found.append((left > 0) - (left < 0) if bent else 0)
+    return found
+
+
 def touch(a: Corner, b: Corner, c: Corner, d: Corner) -> bool:
     """Return whether the segments a–b and c–d have a common point."""
-    if all(max(a[i], b[i]) >= min(c[i], d[i]) for i in (0, 1)) and all(
-        max(c[i], d[i]) >= min(a[i], b[i]) for i in (0, 1)
-    ):
-        apart = turn(a, b, c) * turn(a, b, d) > 0 or turn(c, d, a) * turn(c, d, b) > 0
-        return not apart
-    return False
+    for i in (0, 1):
+        if max(a[i], b[i]) < min(c[i], d[i]) or max(c[i], d[i]) < min(a[i], b[i]):
+            return False
+    one, other = turn(a, b, c) * turn(a, b, d), turn(c, d, a) * turn(c, d, b)
+    return one <= 0 and other <= 0
 
 
 def why_not_simple(vertices: Array) -> str:
     """Return the fault of the corners (n, 2) of a polygon, m; empty if simple."""
-    side = np.roll(vertices, -1, axis=0) - vertices
-    length, following = np.hypot(*side.T), np.roll(side, -1, axis=0)
-    turns = side[:, 0] * following[:, 1] - side[:, 1] * following[:, 0]
-    if not length.all():
+    corners = exact(vertices)
+    sides = list(zip(corners, corners[1:] + corners[:1], strict=True))
+    if any(square(*side) == 0 for side in sides):
         return "repeat a corner"
-    n, corners = len(vertices), exact(vertices)
-    for i in range(n):
-        for j in range(i + 2, n - (i == 0)):
-            one, other = (
-                (corners[i], corners[i + 1]),
-                (corners[j], corners[(j + 1) % n]),
-            )
+    for i, one in enumerate(sides):
+        for other in sides[i + 2 : len(sides) - (i == 0)]:
             if touch(*one, *other):
                 return "make a polygon that crosses or touches itself"
-    if sum(turn(corners[0], *corners[i : i + 2]) for i in range(1, n - 1)) < 0:
+    if sum(turn(corners[0], *side) for side in sides) < 0:
         return "are clockwise"
-    flat = abs(turns) <= CORNER * length * np.roll(length, -1)
-    return "have one on a side" if flat.any() else ""
+    return "" if all(bends(corners)) else "have one on a side"
 
 
 def why_not_convex(vertices: Array) -> str:
     """Return the fault of the corners (n, 2) of a polygon, m; empty if convex."""
-    inward = "make a polygon that is not convex" if reflex(exact(vertices)) else ""
+    inward = "make a polygon that is not convex" if -1 in bends(exact(vertices)) else ""
     return why_not_simple(vertices) or inward
 
 
@@ -66,13 +77,6 @@ def exact(vertices: Array) -> list[Corner]:
     pairs = [(Fraction(x), Fraction(y)) for x, y in vertices.tolist()]
     unit = max(one.denominator for pair in pairs for one in pair)  # a power of two
     return [(int(x * unit), int(y * unit), i) for i, (x, y) in enumerate(pairs)]
-
-
-def reflex(corners: list[Corner]) -> list[int]:
-    """Return the corners of a polygon with an inner angle above 180°."""
-    n = len(corners)
-    turns = (turn(corners[i - 1], corners[i], corners[(i + 1) % n]) for i in range(n))
-    return [i for i, one in enumerate(turns) if one < 0]
 
 
 def is_diagonal(corners: list[Corner], i: int, j: int) -> bool:
@@ -92,24 +96,19 @@ def is_diagonal(corners: list[Corner], i: int, j: int) -> bool:
 def convex_parts(corners: list[Corner]) -> list[list[Corner]]:
     """Return convex polygons that make up a simple one, cut along diagonals.
 
-    Each cut ends at a reflex corner and leaves the fewest reflex corners; of equal ones
-    the shortest is chosen. Corners of 180° that a cut makes are left out.
+    Each cut ends at a corner of more than 180° and leaves the fewest such corners; of
+    equal ones the shortest is chosen. Corners of 180° that a cut makes are left out.
     """
-    if not (inward := reflex(corners)):
-        n = len(corners)
-        turns = [
-            turn(corners[i - 1], corners[i], corners[(i + 1) % n]) for i in range(n)
-        ]
-        return [[one for one, t in zip(corners, turns, strict=True) if t != 0]]
+    turns = bends(corners)
+    if -1 not in turns:
+        return [[one for one, bend in zip(corners, turns, strict=True) if bend]]
     cuts = []
-    for i in inward:
-        for j in range(len(corners)):
-            if is_diagonal(corners, i, j):
-                low, high = sorted((i, j))
-                halves = corners[low : high + 1], corners[high:] + corners[: low + 1]
-                (x1, y1, _), (x2, y2, _) = corners[i], corners[j]
-                length = (x1 - x2) ** 2 + (y1 - y2) ** 2
-                cuts.append((sum(len(reflex(x)) for x in halves), length, halves))
+    for i in (k for k, bend in enumerate(turns) if bend < 0):
+        for j in (k for k in range(len(corners)) if is_diagonal(corners, i, k)):
+            low, high = min(i, j), max(i, j)
+            halves = corners[low : high + 1], corners[high:] + corners[: low + 1]
+            inward = sum(bends(half).count(-1) for half in halves)
+            cuts.append((inward, square(corners[i], corners[j]), halves))
     halves = min(cuts, key=lambda cut: cut[:2])[2]
     return [part for half in halves for part in convex_parts(half)]
 

@@ -11,8 +11,8 @@ from hypothesis import assume, given
 
 from driven import driven_to, gap_at, least_of
 from qpavoid.avoidance import bodies as table
-from qpavoid.avoidance import clearance
-from qpavoid.avoidance.clearance import LOOKS, REFINEMENTS, STEP, least_room, too_near
+from qpavoid.avoidance import margin
+from qpavoid.avoidance.margin import LOOKS, REFINEMENTS, STEP, least_margin, too_near
 from qpavoid.avoidance.plan import Plan, hold
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.obstacles import Obstacles
@@ -73,7 +73,7 @@ class Judged:
         return too_near(self.scene, self.rollout, i, span, level, 0.0)
 
     def room(self, i, span, enough):
-        return least_room(self.scene, self.rollout, i, span, enough)
+        return least_margin(self.scene, self.rollout, i, span, enough)
 
     def true(self, i, begin, end):
         return true_room(self, self.trace, self.bodies[i], begin, end)
@@ -138,7 +138,7 @@ def test_the_least_room_is_the_least_of_dense_looks(robot, seed):
             room, when = judged.room(i, (0.0, HORIZON), enough)
             if true < enough:
                 missed = 0.5 * STEP * (pace + judged.bodies[i].speed)
-                gap = true + judged.bodies[i].keep
+                gap = true + judged.bodies[i].required
                 assert room >= true - (1e-6 if gap > 0.0 else 1e-4)
                 assert room <= true + missed + 1e-7
                 assert room == pytest.approx(judged.at(i, when), abs=1e-7)
@@ -191,10 +191,10 @@ def looks(monkeypatch):
 
         return counted
 
-    monkeypatch.setattr(clearance, "line_contact", counting(clearance.line_contact))
-    monkeypatch.setattr(clearance, "part_contact", counting(clearance.part_contact))
-    monkeypatch.setattr(clearance, "clear_time", clearance.clear_time.py_func)
-    monkeypatch.setattr(clearance, "room_at", clearance.room_at.py_func)
+    monkeypatch.setattr(margin, "line_contact", counting(margin.line_contact))
+    monkeypatch.setattr(margin, "part_contact", counting(margin.part_contact))
+    monkeypatch.setattr(margin, "clear_time", margin.clear_time.py_func)
+    monkeypatch.setattr(margin, "margin_at", margin.margin_at.py_func)
 
     def count(function, judged, i, span, *level):
         made.clear()
@@ -281,7 +281,7 @@ def test_so_are_those_for_the_least_room(name, looks):
     judged = Judged(robot, world, hold(*twist, DT), twist, seconds=0.1)
     for i in range(0, len(judged.bodies), max(1, len(judged.bodies) // 8)):
         for end in (judged.rollout.rest, HORIZON):
-            made = looks(least_room, judged, i, (0.0, end), NEVER)
+            made = looks(least_margin, judged, i, (0.0, end), NEVER)
             assert made <= LOOKS + 1 + 2 * REFINEMENTS
 
 
@@ -304,7 +304,7 @@ def test_a_plan_that_is_not_decided_counts_as_too_near(monkeypatch):
     level = judged.room(i, (0.0, HORIZON), NEVER)[0] - 0.01
     known = judged.scene, judged.rollout, i, (0.0, HORIZON), level, 0.0
     assert not too_near.py_func(*known)[0]
-    monkeypatch.setattr(clearance, "LOOKS", 1 - len(judged.rollout.arcs))
+    monkeypatch.setattr(margin, "LOOKS", 1 - len(judged.rollout.arcs))
     assert too_near.py_func(*known)[0]
 
 
@@ -313,10 +313,10 @@ import math
 import numpy as np
 from qpavoid import AvoidanceSettings, Footprint, Limits, Obstacles, Robot
 from qpavoid import SafetyFilter
-from qpavoid.avoidance import clearance, proposals, selection, step, verdict
+from qpavoid.avoidance import margin, proposals, selection, step, verdict
 
 made, planned, bodies = [0], [0], [0]
-contact, part = clearance.line_contact, clearance.part_contact
+contact, part = margin.line_contact, margin.part_contact
 roll_out = verdict.roll_out
 reach = step.bodies_in_reach
 
@@ -332,7 +332,7 @@ def reached(*given):
     bodies[0] = reach(*given)
     return bodies[0]
 
-clearance.line_contact = clearance.part_contact = proposals.part_contact = counted
+margin.line_contact = margin.part_contact = proposals.part_contact = counted
 verdict.roll_out = proposals.roll_out = selection.roll_out = rolled
 step.bodies_in_reach = reached
 slow = Limits(-1.0, 1.0, -1.5, 1.5, 0.5, 0.02)

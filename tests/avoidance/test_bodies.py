@@ -49,8 +49,8 @@ def test_bodies_by_hand():
     spins = np.hypot(0.1, 0.0) + 0.5 * np.hypot(0.2, 0.1)  # of its farthest corner
     r_min = SETTINGS.radius.r_min
     wanted = [0.17, 0.17, 0.3 + r_min(0.3), 0.2 + 0.17, 0.1 + 0.17, 0.17]
-    assert [b.keep for b in bodies[:6]] == pytest.approx(wanted)
-    assert [b.keep for b in bodies[6:]] == pytest.approx([r_min(spins)] * 3)
+    assert [b.required for b in bodies[:6]] == pytest.approx(wanted)
+    assert [b.required for b in bodies[6:]] == pytest.approx([r_min(spins)] * 3)
     assert [b.turn for b in bodies[6:]] == [0.5] * 3
     lines = lines_of(
         polygons=[[(1.0, 1.0), (1.4, 1.0), (1.2, 1.3)]], motions=[(0.1, 0.0, 0.5)]
@@ -84,7 +84,7 @@ def test_the_order_of_what_is_given_decides_nothing():
 def test_bodies_keep_to_their_r_min():
     bodies = rows(scene_of(ROBOT, EVERYTHING))
     for i, body in enumerate(bodies[:6]):
-        assert body.spread == pytest.approx(body.keep + (i == 5))
+        assert body.spread == pytest.approx(body.required + (i == 5))
 
 
 def test_who_does_not_look_ahead_sees_what_stands_or_creeps():
@@ -139,7 +139,7 @@ def test_no_more_is_wanted_of_what_stands_than_there_is():
         nearest = min((gap for gap in gaps if gap > 0.0), default=math.inf)
         for body, gap in zip(bodies, gaps, strict=True):
             most = min(0.17, gap + R_MIN_TOLERANCE)
-            keep = table.Body(*body).keep
+            keep = table.Body(*body).required
             assert keep == pytest.approx(most, abs=1e-9) or (
                 nearest + R_MIN_TOLERANCE - 1e-9 <= keep < most
             )

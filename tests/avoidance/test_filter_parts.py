@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from driven import driven_to
 from qpavoid.avoidance.cbf_rows import R_MIN_TOLERANCE, closing_bound, row_reach
-from qpavoid.avoidance.clearance import ArcTwist, end_time, least_room
 from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.margin import ArcTwist, end_time, least_margin
 from qpavoid.avoidance.plan import hold
 from qpavoid.avoidance.proposals import Query, start_twist
 from qpavoid.avoidance.settings import Actuation, AvoidanceSettings, SafetyRadius
@@ -88,7 +88,7 @@ def test_the_least_room_is_that_at_the_end_where_it_is_less_and_less():
     scene = scene_of(ROBOT, Obstacles(points=[[FRONT + 1.7, 0.0]]), last=(0.4, 0.0))
     end, speed = 8.0, 1.0 / 8.0
     rollout = rolled(scene, hold(speed, 0.0, end), (speed, 0.0), DT, 1)
-    room, when = least_room(scene, rollout, 0, (0.0, end), 9.0)
+    room, when = least_margin(scene, rollout, 0, (0.0, end), 9.0)
     assert room == pytest.approx(1.7 - R_MIN - 1.0, abs=1e-6)
     assert when == pytest.approx(end, abs=1e-6)
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 
 from qpavoid.avoidance import bodies as table
-from qpavoid.avoidance import clearance as broad
+from qpavoid.avoidance import margin as broad
 from qpavoid.avoidance import proposals as lin
 from qpavoid.avoidance.bodies import FEW, MOST_GROUPED, threshold, tolerance
 from qpavoid.avoidance.filter import SafetyFilter
@@ -82,12 +82,12 @@ def test_who_keeps_away_from_a_group_keeps_away_from_its_points(seed):
         way = np.array([group.x2 - group.x1, group.y2 - group.y1])
         for seen in rng.uniform(-3, 3, (20, 2)):
             share = np.clip((seen - one) @ way / max(way @ way, 1e-18), 0.0, 1.0)
-            room = np.hypot(*(seen - one - share * way)) - group.keep
+            room = np.hypot(*(seen - one - share * way)) - group.required
             for body in rows:
                 assert body.kind == table.STANDS
-                assert room <= math.hypot(*(seen - (body.x, body.y))) - body.keep
-                waived = body.keep - body.inflation
-                assert group.keep - group.inflation <= waived + 1e-12
+                assert room <= math.hypot(*(seen - (body.x, body.y))) - body.required
+                waived = body.required - body.beyond_r_min
+                assert group.required - group.beyond_r_min <= waived + 1e-12
 
 
 @robots
@@ -102,17 +102,17 @@ def test_no_answer_depends_on_groups(robot, seed):
         watch = broad.Watch((moving, level), (rollout.rest, level))
         for one, other in ((scene, plain), (plain, scene)):
             kept = broad.keeps_all(one, rollout, watch)
-            assert kept == (broad.first_met(other, rollout, watch, 0.0).body < 0)
-        met = broad.first_met(scene, rollout, watch, 1e-3)
-        assert met == broad.first_met(plain, rollout, watch, 1e-3)
+            assert kept == (broad.first_violated(other, rollout, watch, 0.0).body < 0)
+        met = broad.first_violated(scene, rollout, watch, 1e-3)
+        assert met == broad.first_violated(plain, rollout, watch, 1e-3)
     for first in (-1, len(scene.bodies) // 2):
         assert violation(scene, rollout, first) == violation(plain, rollout, first)
     tables = []
     for one in (scene, plain):
         ticks = look_ticks(SETTINGS.record())
-        sides = np.zeros(lin.most_sides(ticks), lin.SIDE)
+        sides = np.zeros(lin.most_predicted(ticks), lin.PREDICTED)
         frames = np.zeros(ticks + 1, lin.FRAME)
-        lin.nearest_sides(one, rollout, lin.Tables(sides, frames))
+        lin.predict_contacts(one, rollout, lin.Tables(sides, frames))
         tables.append(sides)
     np.testing.assert_array_equal(*tables)
 
@@ -128,7 +128,7 @@ def test_the_first_is_the_same_in_whatever_order_points_are_given(seed):
         rollout = rolled(scene, plan, scene.last, 0.0, 2)
         watch = broad.Watch((HORIZON, 0.0), (STILL, 0.0))
         for met in (
-            broad.first_met(scene, rollout, watch, 0.0),
+            broad.first_violated(scene, rollout, watch, 0.0),
             violation(scene, rollout, -1),
         ):
             bodies = scene.bodies[met.body :][:1] if met.body >= 0 else []
@@ -143,7 +143,9 @@ def test_the_violation_is_the_hint_or_the_first_of_the_rows(seed):
     rollout = rolled(scene, some_plan(rng), scene.last, 0.0, 2)
     watch, slack = broad.Watch((HORIZON, 0.0), (STILL, 0.0)), 0.5 * tolerance(scene)
     count = len(scene.bodies)
-    met = [broad.is_met(scene, rollout, i, watch, slack).body for i in range(count)]
+    met = [
+        broad.violation_of(scene, rollout, i, watch, slack).body for i in range(count)
+    ]
     rows = geometry(scene.bodies).tolist()
     first = min((i for i in met if i >= 0), key=rows.__getitem__, default=-1)
     for hint in range(-1, count):

@@ -10,7 +10,7 @@ from driven import gap_at
 from qpavoid.avoidance import bodies as table
 from qpavoid.avoidance import proposals as lin
 from qpavoid.avoidance.bodies import threshold
-from qpavoid.avoidance.clearance import least_room
+from qpavoid.avoidance.margin import least_margin
 from qpavoid.avoidance.plan import hold
 from qpavoid.avoidance.proposals import Query, Tables, proposal_near, violation
 from qpavoid.avoidance.step import look_ticks
@@ -31,18 +31,18 @@ from rollouts import (
     turns,
 )
 
-NOBODY_MET = lin.Meeting(-1, 0.0)
+NOBODY_MET = lin.Violation(-1, 0.0)
 DT, MANY = SETTINGS.dt, max(1, round(SETTINGS.ahead.tick / SETTINGS.dt))
 
 
 def tables():
     ticks = look_ticks(SETTINGS.record())
-    sides = lin.most_sides(ticks)
-    tables = Tables(np.zeros(sides, lin.SIDE), np.zeros(ticks + 1, lin.FRAME))
+    sides = lin.most_predicted(ticks)
+    tables = Tables(np.zeros(sides, lin.PREDICTED), np.zeros(ticks + 1, lin.FRAME))
     return tables, np.full((sides + 8, 9), np.nan)
 
 
-def driven_on(scene, twist, many=MANY):
+def rollout_of(scene, twist, many=MANY):
     return rolled(scene, hold(*twist, HORIZON + DT), scene.last, 0.0, many)
 
 
@@ -61,7 +61,7 @@ def least(scene, body):
 
 def granted(body):
     """Relaxation of the row of a body that is already inside its required distance."""
-    return max(lin.ROW_ROOM - body.now, 0.0)
+    return max(lin.ROW_ROOM - body.margin_now, 0.0)
 
 
 @robots
@@ -71,14 +71,14 @@ def test_rows_are_the_gradients_of_the_true_rooms(robot, seed, v, omega):
     rng, corners, h = np.random.default_rng(seed), robot.footprint.vertices, 1e-6
     scene = scene_of(robot, mixed(rng), rng.uniform([-0.5, -1], [0.5, 1]))
     (made, rows), about = tables(), (v, omega)
-    rollout = driven_on(scene, about)
+    rollout = rollout_of(scene, about)
     count = lin.linearised_rows(scene, rollout, NOBODY_MET, made, rows)
-    used = [side for side in made.sides if side.room < lin.ROW_WITHIN]
+    used = [side for side in made.predicted if side.margin < lin.ROW_WITHIN]
     assert count == len(used)
     around = [(v - h, omega), (v + h, omega), (v, omega - h), (v, omega + h)]
-    shifted = [driven_on(scene, twist) for twist in around]
+    shifted = [rollout_of(scene, twist) for twist in around]
     for side, row in zip(used, rows[:count], strict=True):
-        time, spare = side.time, side.room
+        time, spare = side.time, side.margin
         owner = scene.bodies[side.body].owner
         assert row[3] == owner
         right = row[:2] @ about + lin.ROW_ROOM - spare
@@ -91,7 +91,7 @@ def test_rows_are_the_gradients_of_the_true_rooms(robot, seed, v, omega):
             < 1e-9
         ]
         assert own or spare < 0.0
-        if not own or spare + own[0].keep < 0.05:
+        if not own or spare + own[0].required < 0.05:
             continue
         extra = granted(own[0])
         rooms = [room(scene, one, own[0], time, corners) + extra for one in shifted]
@@ -107,9 +107,9 @@ def test_who_stays_too_near_gets_a_row(robot, seed, v, omega):
     """Or another that comes nearer; ticks may be left out, not all."""
     rng, corners = np.random.default_rng(seed), robot.footprint.vertices
     scene = scene_of(robot, mixed(rng), rng.uniform([-0.5, -1], [0.5, 1]))
-    (made, _), rollout = tables(), driven_on(scene, (v, omega))
-    lin.nearest_sides(scene, rollout, made)
-    spares, tick = made.sides["room"], SETTINGS.ahead.tick
+    (made, _), rollout = tables(), rollout_of(scene, (v, omega))
+    lin.predict_contacts(scene, rollout, made)
+    spares, tick = made.predicted["margin"], SETTINGS.ahead.tick
     for body in scene.bodies:
         ticks = range(1, round(horizon(body) / tick) + 1)
         rooms = [room(scene, rollout, body, k * tick, corners) for k in ticks]
@@ -145,7 +145,7 @@ def test_the_nearest_twist_ahead_keeps_its_distance(robot, seed):
     cost = (v - 0.6) ** 2 + 0.03 * omega**2
     assert found.cost == pytest.approx(cost, abs=1e-12)
     rollout, corners = (
-        driven_on(scene, found.twist),
+        rollout_of(scene, found.twist),
         robot.footprint.vertices,
     )
     for body in scene.bodies:
@@ -161,9 +161,9 @@ def test_too_near_is_who_has_no_room(robot, seed, v, omega):
     rng = np.random.default_rng(seed)
     scene = scene_of(robot, mixed(rng, rng.uniform(1.0, 3.0)), (0.2, 0.1))
     assume(len(scene.bodies))
-    rollout = driven_on(scene, (v, omega))
+    rollout = rollout_of(scene, (v, omega))
     rooms = [
-        least_room(scene, rollout, i, (0.0, horizon(body)), 1e9)[0]
+        least_margin(scene, rollout, i, (0.0, horizon(body)), 1e9)[0]
         for i, body in enumerate(scene.bodies)
     ]
     clear = [r > 0.03 for r in rooms]

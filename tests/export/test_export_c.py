@@ -32,7 +32,7 @@ pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 MOST = sorted(set(FILTERS) - {"ahead-limited"})
 FEW = [
     name
-    if name in ("ahead-limited", "limited", "repulsion")
+    if name in ("ahead-limited", "ahead-parts", "limited", "repulsion")
     else pytest.param(name, marks=pytest.mark.long)
     for name in FILTERS
 ]

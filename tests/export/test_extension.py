@@ -93,7 +93,7 @@ BASELINES = {
     "dwa": ["best_twist", "free_time"],
     "mppi": ["average", "rollout"],
     "nmpc": ["nearest_discs"],
-    "ttc": ["descend", "first_met"],
+    "ttc": ["descend", "first_violated"],
     "vfh": ["choose", "polar_histogram", "reachable"],
 }
 
@@ -215,13 +215,14 @@ def test_every_array_of_every_entry_is_checked(native, name):
                     call(*given_for(entry, i, short))
 
 
-EDGES, TABLE = Robot.mir100().footprint.edges, np.zeros(3 * CONTACT_SIZE)
+EDGES, TABLE = Robot.mir100().footprint.edges, np.zeros((3, 9))
+CONTACTS = np.zeros(3 * CONTACT_SIZE)
 WORLD = np.zeros((2, 2)), np.zeros((1, 12))
 BEAMS, POSE, NONE = np.ones((4, 2)), (0.0, 0.0, 0.0), np.zeros((0, 4))
 UNFITTING = {
-    "contact_at": [(TABLE, 3), (TABLE, -1), (TABLE[:0], 0)],
+    "contact_at": [(CONTACTS, 3), (CONTACTS, -1), (CONTACTS[:0], 0)],
     "has_length": [(WORLD[1], 1), (WORLD[1], -1)],
-    "contact_table": [(EDGES, 0.5, WORLD, 1.0, TABLE[: 2 * CONTACT_SIZE].copy())],
+    "contact_table": [(EDGES, 0.5, WORLD, 1.0, CONTACTS[:-1].copy())],
     "in_robot_frame": [(POSE, 0.0, WORLD, (WORLD[0], WORLD[1][:0]))],
     "fill_capsules": [
         (0, np.ones((1, 3)), BEAMS[:0], NONE, BEAMS, BEAMS, NONE, WORLD[1]),
@@ -233,7 +234,7 @@ UNFITTING = {
     "fill_ahead": [(np.ones((3, 5)), 0.0, POSE, step, TABLE) for step in (-1.0, 1e9)],
     "cast_rays": [(BEAMS, WORLD, 0.0, np.ones(3))],
     "nearest_discs": [(EDGES, WORLD[1], np.ones((3, 3)), np.ones(1), TABLE)],
-    "whole_force": [(TABLE, 4, 1.0, 1.0)],
+    "whole_force": [(CONTACTS, 4, 1.0, 1.0)],
 }
 SETTINGS = AvoidanceSettings().record()
 SEEN = np.array([(1.2, 0.1)]), WORLD[1][:0]
@@ -285,8 +286,8 @@ def test_a_stage_without_memory_or_with_a_forged_way_is_refused(native):
     memory, ahead = stage_memory(1, stage.settings), np.zeros((1, 5))
     tracking = Tracking((0.5, 0.0), (1.0, 0.0, 0.0), 0.5, (0.5, 0.0), 0.02, ahead)
     assert native.guide_step(stage, state, memory, SEEN, tracking)[0] == 0
-    nowhere, never = tracking._replace(ahead=ahead[:0]), tracking._replace(dt=0.0)
-    refused(native.guide_step, stage, state, memory, SEEN, nowhere)
+    unsolved, never = tracking._replace(ahead=ahead[:0]), tracking._replace(dt=0.0)
+    refused(native.guide_step, stage, state, memory, SEEN, unsolved)
     refused(native.guide_step, stage, state, memory, SEEN, never)
     for place, number in ((COUNT, 121.0), (COUNT, -1.0), (ACTION, np.nan), (WAY, 99.0)):
         forged = fresh_stage()
@@ -314,7 +315,7 @@ def test_records_tuples_and_numbers_are_checked(native):
         with pytest.raises(TypeError, match="takes 1 arguments, not"):
             native.limits_of(*given)
     with pytest.raises(OverflowError):
-        native.most_sides(2**40)
+        native.most_predicted(2**40)
 
 
 def test_no_reference_is_lost_or_kept(native):

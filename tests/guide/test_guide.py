@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import shapely
+import shapely.affinity
 
 import qpavoid as qp
 from qpavoid.errors import InvalidInputError
@@ -289,3 +289,48 @@ def test_bad_input_is_named_and_nothing_is_lost():
     for pose in ((0.0, 0.0, 0.0), (0.01, 0.0, 0.0)):
         one, two = (each.step(pose, [(1.5, 0.2)]) for each in (guide, other))
         assert one._replace(solve_time_s=0.0) == two._replace(solve_time_s=0.0)
+
+
+def box(x, y, length, width):
+    return [(x + a * length / 2, y + b * width / 2) for a, b in CORNERS]
+
+
+CORNERS = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
+HULL = [(-0.5, -0.4), (0.5, -0.4), (1.5, -0.285), (1.5, 0.285), (0.5, 0.4), (-0.5, 0.4)]
+
+
+def test_forks_enter_a_pallet_their_hull_does_not_and_the_load_is_kept_clear():
+    """By shapely: stringers are r_min from the forks, and the door from the pallet."""
+    forks = [box(1.0, y, 1.0, 0.12) for y in (-0.225, 0.225)]
+    lift = qp.Footprint.union([box(0.0, 0.0, 1.0, 0.8), *forks])
+    limits = qp.Limits(-1.0, 1.0, -1.0, 1.0, 1.0, 2.0)
+    settings = qp.AvoidanceSettings(radius=qp.SafetyRadius(0.05, 0.2))
+    walls = [[7.0, side * 0.85, 7.0, side * 3.0] for side in (-1.0, 1.0)]
+    stringers = [box(4.4, y, 0.8, 0.1) for y in (-0.45, 0.0, 0.45)]
+    solid = shapely.MultiPolygon([shapely.Polygon(x) for x in stringers])
+    pallet, start = qp.Obstacles(walls=walls, polygons=stringers), (0.0, 0.3, 0.0)
+
+    def least(footprint, poses, shape):
+        parts = shapely.MultiPolygon([shapely.Polygon(x) for x in footprint.parts])
+        turned = [
+            (shapely.affinity.rotate(parts, h, (0, 0), True), x, y) for x, y, h in poses
+        ]
+        return min(shapely.affinity.translate(*one).distance(shape) for one in turned)
+
+    for footprint, enters in ((lift, True), (qp.Footprint.polygon(HULL), False)):
+        guide = qp.Guide(qp.Robot("lift", footprint, limits), settings)
+        guide.go_to(start, (3.4, 0.0, 0.0))
+        poses = drive(guide, pallet, 30.0 if enters else 15.0, start)[0]
+        assert least(footprint, poses, solid) > 0.048
+        assert (guide.left(tuple(poses[-1]))[0] < 0.01) == enters
+        if enters:
+            loaded = guide.footprint = qp.Footprint.union(
+                [lift, box(1.0, 0.0, 0.8, 1.0)]
+            )
+            assert guide.safety.footprint is guide.footprint is guide.robot.footprint
+            guide.go_to(tuple(poses[-1]), (10.0, 0.0, 0.0))
+            door = shapely.MultiLineString([np.reshape(x, (2, 2)) for x in walls])
+            way, _, time = drive(
+                guide, qp.Obstacles(walls=walls), 30.0, tuple(poses[-1])
+            )
+            assert time < 30.0 and 0.048 < least(loaded, way, door) < 0.36

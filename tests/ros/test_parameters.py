@@ -48,6 +48,9 @@ def test_values_are_set_and_refused_by_name():
     assert setup.settings.weights == (1.0, 0.3) and setup.settings.dt == 0.05
     assert setup.robot.limits.v_min == 0.0 and setup.robot.limits.v_max == 2.0
     assert setup.robot.footprint.circumradius == pytest.approx(math.hypot(0.2, 0.1))
+    union = defaults(robot) | {SHAPE: [*corners, math.nan, *corners[:6]]}
+    parts = setup_of(union, robot, 0.05).robot.footprint.parts
+    assert [len(part) for part in parts] == [4, 3]
     for wrong, said in (
         (
             {"radius.r_min_slow_m": -1.0},
@@ -56,6 +59,7 @@ def test_values_are_set_and_refused_by_name():
         ({"filter.gamma_per_s": 100.0}, r"filter: gamma \* dt = 5 > 1"),
         ({"filter.bound": "none"}, "to be one of barrier, repulsion"),
         ({SHAPE: corners[:-1]}, "needs pairs"),
+        ({SHAPE: [*corners, math.nan]}, "a footprint takes"),
         ({SHAPE: corners[-2:] + corners[2:6] + corners[:2]}, "counter-clockwise"),
     ):
         with pytest.raises(InvalidInputError, match=said):

@@ -4,15 +4,19 @@ import math
 
 import numpy as np
 import pytest
+import shapely
 
 import ros_messages as ros
 from driven import driven_to
 from qpavoid.avoidance.inputs import Fault
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Footprint
+from qpavoid.model.transform import Transform
 from qpavoid.ros.guard import Guard, Wiring
-from qpavoid.ros.mask import RECORDED
+from qpavoid.ros.mask import RECORDED, border, within
+from qpavoid.ros.messages import Fan
 from qpavoid.ros.parameters import defaults, preset, setup_of
+from shapes import footprints
 
 DT, BEAMS, HALF = 0.05, 360, np.array([0.25, 0.2])
 ANGLES = -math.pi + 2.0 * math.pi / BEAMS * np.arange(BEAMS)
@@ -74,6 +78,28 @@ class World:
 
 def blinded(beams, value=math.nan, start=0):
     return lambda ranges, k: np.where(beams & (k >= start), value, ranges)
+
+
+@footprints
+def test_a_border_is_where_beams_leave_all_parts(footprint):
+    """By shapely: no beam meets the footprint beyond; one that misses it has none."""
+    fan = Fan(ANGLES[0], ANGLES[1] - ANGLES[0], np.zeros(BEAMS))
+    shape = shapely.union_all([shapely.Polygon(x) for x in footprint.outlines])
+    for x, y in [footprint.parts[0].mean(axis=0), (0.103, 0.0517), (-1.5031, 0.4071)]:
+        place = Transform(np.eye(3), np.array([x, y, 0.0]))
+        found = border(fan, np.ones(BEAMS, dtype=bool), place, footprint)
+        ends = np.column_stack([x + 9.0 * np.cos(ANGLES), y + 9.0 * np.sin(ANGLES)])
+        beams = [shape.intersection(shapely.LineString([(x, y), e])) for e in ends]
+        far = [shapely.hausdorff_distance(b, shapely.Point(x, y)) for b in beams if b]
+        np.testing.assert_allclose(np.hypot(*(found - (x, y)).T), far, atol=1e-9)
+
+
+@footprints
+def test_points_within_a_footprint_are_those_of_shapely(footprint):
+    points = np.random.default_rng(1).uniform(-1.3, 1.3, (500, 2))
+    shape = shapely.union_all([shapely.Polygon(x) for x in footprint.outlines])
+    inside = shapely.contains_xy(shape, *points.T)
+    assert (within(footprint, points, 0.0) == inside).all()
 
 
 @pytest.mark.parametrize("value", [math.nan, 0.0, 0.04, -1.0])

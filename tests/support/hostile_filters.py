@@ -19,6 +19,7 @@ from qpavoid.avoidance.inputs import as_driven
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import braking_twist
 from reliability.calls import CAREFUL, LATE
+from shapes import FORKS
 from timing.exported import ANSWER, COUNTED, problem_type
 from timing.loops import drive
 
@@ -39,6 +40,7 @@ FILTERS = {
     "ahead": (Robot.mir100(), AvoidanceSettings(), True, 800),
     "ahead-limited": (LIMITED, CAREFUL, True, 800),
     "ahead-late": (LIMITED, LATE, True, 600),
+    "ahead-parts": (replace(LIMITED, footprint=FORKS), CAREFUL, True, 400),
     "late": (LIMITED, LATE, False, 600),
     "present": (Robot.mir100(), AvoidanceSettings(), False, 1500),
     "limited": (LIMITED, CAREFUL, False, 1500),

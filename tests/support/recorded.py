@@ -115,6 +115,7 @@ MORE = {
 def filters() -> dict[str, Callable[[], list[list[float]]]]:
     """Return the scenes of filters."""
     made = {name: (*of[:2], {"ahead": of[2]}) for name, of in FILTERS.items()} | MORE
+    made["ahead-parts"] = made.pop("ahead-parts")  # seeds are in this order
     found: dict[str, Callable[[], list[list[float]]]] = {}
     for seed, (name, (robot, settings, options)) in enumerate(made.items()):
 

@@ -132,7 +132,7 @@ def line_of(body):
     x, y = body.x, body.y
     levers = body.x1 + x, body.y1 + y, body.x2 + x, body.y2 + y
     motion = body.v_x, body.v_y, body.turn
-    return np.array([*levers, body.keep, *motion, x, y])
+    return np.array([*levers, body.required, *motion, x, y])
 
 
 def frame_of(rollout, time, dt=SETTINGS.dt):

@@ -10,7 +10,7 @@ from typing import ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
-from qpavoid.avoidance.cbf_rows import wanted_distance
+from qpavoid.avoidance.cbf_rows import required_distance
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Decision, Status
 from qpavoid.avoidance.proposals import SAME_TWIST
@@ -122,7 +122,7 @@ def wide_discs(
     wide[:, 2] += still
     for i in np.flatnonzero(wide[:, 3:].any(axis=1)):
         speed = math.hypot(wide[i, 3], wide[i, 4])
-        wide[i, 2] += wanted_distance(record, speed, 0.0)[1] - still
+        wide[i, 2] += required_distance(record, speed, 0.0)[1] - still
     return wide
 
 
@@ -132,13 +132,13 @@ def wide_lines(obstacles: Obstacles, settings: AvoidanceSettings) -> Array:
     lines, speeds = obstacles.capsules[rows], obstacles.speeds[rows]
     lines[:, RADIUS] += still
     for i in np.flatnonzero(speeds):
-        lines[i, RADIUS] += wanted_distance(record, speeds[i], 0.0)[1] - still
+        lines[i, RADIUS] += required_distance(record, speeds[i], 0.0)[1] - still
     return lines
 
 
 def wide_still(settings: AvoidanceSettings) -> float:
     """Return the required distance of static obstacles, with the inflation, m."""
-    return wanted_distance(settings.record(), 0.0, 0.0)[1]
+    return required_distance(settings.record(), 0.0, 0.0)[1]
 
 
 def out_of_reach(robot: Robot, discs: Array, horizon: float) -> bool:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qpavoid.avoidance.cbf_rows import wanted_distance
+from qpavoid.avoidance.cbf_rows import required_distance
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
@@ -91,7 +91,7 @@ class OmniController:
         contacts = Contacts.of(self.robot.footprint, obstacles.within(self.sight()))
         record = self.settings.record()
         speeds = np.hypot(*contacts.velocity.T).tolist()
-        r_min = [wanted_distance(record, speed, 0.0)[1] for speed in speeds]
+        r_min = [required_distance(record, speed, 0.0)[1] for speed in speeds]
         away = -contacts.normal
         swept = turn * np.column_stack([-contacts.point[:, 1], contacts.point[:, 0]])
         room = contacts.distance - np.array(r_min)

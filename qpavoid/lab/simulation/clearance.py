@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from qpavoid.avoidance.bodies import Setup
-from qpavoid.avoidance.cbf_rows import wanted_distance
+from qpavoid.avoidance.cbf_rows import required_distance
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.model.capsules import are_as_many, in_robot_frame
 from qpavoid.model.contacts import CONTACT, CONTACT_SIZE, contact_table, most_contacts
@@ -89,7 +89,7 @@ def room_round(
     for k in range(n):
         c = contacts[k]
         speed = math.sqrt(c.v_x * c.v_x + c.v_y * c.v_y)
-        r_min, _ = wanted_distance(settings, speed, 0.0)
+        r_min, _ = required_distance(settings, speed, 0.0)
         least, room = min(least, c.distance), min(room, c.distance - r_min)
     return least, room
 

@@ -3,7 +3,7 @@
 import hashlib
 import math
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -312,8 +312,9 @@ def make_robot(model: schema.RobotModel) -> Robot:
     chosen = replace(preset.limits, **values(Limits, model))
     if model.footprint_m is None:
         return Robot(preset.name, preset.footprint, chosen)
-    several = isinstance(model.footprint_m[0][0], Sequence)
-    polygons = model.footprint_m if several else [model.footprint_m]
+    polygons: list[Any] = model.footprint_m
+    if not any(isinstance(x, list) for x in polygons):
+        polygons = [polygons]
     return Robot("custom", Footprint.union(polygons), chosen)
 
 

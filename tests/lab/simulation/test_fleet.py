@@ -9,13 +9,16 @@ from minimal import problems, write
 from outlines import outlines
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.simulation.config import builtin_configs
+from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.outcome import OUTCOME, outcome_of, verdict, worst_of
 from qpavoid.lab.simulation.run import RobotObstacle, among, run, run_fleet
 from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.study.plots import frames
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import integrate, to_world
 from qpavoid.model.obstacles import Obstacles
 from scenario_files import CROSSING, SLOW
+from shapes import ELL, SHIFTED
 
 HEAD = """
 title = "Several"
@@ -80,20 +83,21 @@ def test_the_others_stand_in_each_log_as_they_are(three):
                 assert corners == pytest.approx(to_world(other.vertices, pose))
 
 
-def test_a_body_moves_as_its_robot_drives():
-    footprint = Footprint.polygon([[-0.4, -0.3], [0.5, -0.2], [0.6, 0.3], [-0.4, 0.2]])
+@pytest.mark.parametrize("footprint", [SHIFTED, ELL], ids=["shifted", "ell"])
+def test_a_body_moves_as_its_robot_drives(footprint):
     pose, twist, lateral, dt = (1.0, -2.0, 0.7), (0.8, 1.3), -0.2, 0.05
     body = RobotObstacle(footprint, 3)
 
     def corners(capsules, time):
         moved = Obstacles.of(np.empty((0, 2)), capsules).moved(time)
-        return moved.polygons[0]
+        return np.vstack(moved.polygons)
 
     mean = body.at(pose, twist, lateral, dt)
-    there = to_world(footprint.vertices, integrate(pose, twist, lateral, dt))
+    vertices = np.vstack(footprint.parts)
+    there = to_world(vertices, integrate(pose, twist, lateral, dt))
     assert corners(mean, dt) == pytest.approx(there, abs=1e-12)
     now, tiny = body.at(pose, twist, lateral), 1e-6
-    there = to_world(footprint.vertices, integrate(pose, twist, lateral, tiny))
+    there = to_world(vertices, integrate(pose, twist, lateral, tiny))
     assert corners(now, tiny) == pytest.approx(there, abs=1e-11)
 
 
@@ -201,3 +205,20 @@ def test_the_worst_robot_counts(three):
 @pytest.mark.parametrize("name", [n for n in builtin_configs() if n[:5] == "fleet"])
 def test_the_shipped_fleets_are_several(name):
     assert len(load_scenario(name).robots) > 1
+
+
+def test_a_robot_of_several_parts_is_logged_drawn_and_met_by_another(tmp_path):
+    """Two of them pass each other; the log has their polygons, and reads as written."""
+    parts = (
+        "[[[-0.3,-0.2],[0.3,-0.2],[0.3,0.2],[-0.3,0.2]],[[0.3,0],[0.6,0],[0.5,0.2]]]"
+    )
+    text = HEAD + f"[robot]\nfootprint_m = {parts}\n" + ALONG + AGAINST
+    logs = run_fleet(load_scenario(write(tmp_path, text)), "qp-ahead")
+    assert min(log["least_clearance_m"].min() for log in logs) > 0.15
+    logs[0].save(tmp_path / "run.npz")
+    log = Log.load(tmp_path / "run.npz")
+    assert [len(x) for x in log.footprint.outlines] == [4, 3]
+    assert len(log.polygons) == 2 and log.outlines.tolist() == [4, 3]
+    (axes,) = frames([log], times=(0.0,)).axes
+    whole = [x for x in axes.patches if x.get_facecolor()[:3] == (1.0, 1.0, 1.0)]
+    assert [len(x.get_xy()) - 1 for x in whole] == [4, 3]

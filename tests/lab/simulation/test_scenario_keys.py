@@ -31,6 +31,9 @@ def test_bad_values_at_the_top(tmp_path, addition, message):
         ("[robot]\nv_min_mps = 0.1\n", "robot.v_min_mps"),
         ('[robot]\npreset = "jakal"\n', "(got 'jakal'); did you mean 'jackal'?"),
         ("[robot]\nfootprint_m = [[0,0],[1,0]]\n", "robot: a footprint takes"),
+        ("[robot]\nfootprint_m = []\n", "robot: a footprint takes"),
+        ("[robot]\nfootprint_m = [[]]\n", "robot: a footprint takes"),
+        ("[robot]\nfootprint_m = [[[0,0],[1,0]]]\n", "robot: a footprint takes"),
         (
             "[radius]\nr_min_slow_m = 0.3\nr_min_fast_m = 0.2\n",
             "0 <= r_min_slow <= r_min_fast",

@@ -42,17 +42,17 @@ from qpavoid.avoidance.bodies import (
     MOVES,
     Body,
     Scene,
-    comes_first,
     is_point,
     moves,
     of_groups,
+    precedes,
     threshold,
 )
 from qpavoid.avoidance.plan import (
     Arc,
     Rollout,
     arc_index,
-    braking_share,
+    braking_factor,
     frame_at,
 )
 from qpavoid.compiled import compiled, compiled_once
@@ -138,7 +138,7 @@ def line_contact(edges: Array, body: Body, ends: Ends) -> Contact:
 
 
 @compiled
-def circle_room(scene: Scene, body: Body, time: float, at: Frame) -> float:
+def circle_margin(scene: Scene, body: Body, time: float, at: Frame) -> float:
     """Return a lower bound of the margin, m: that of the circles round both."""
     # The circles are independent of the headings.
     d_x, d_y = body.x + time * body.v_x - at.x, body.y + time * body.v_y - at.y
@@ -198,12 +198,15 @@ NO_BEND = 1e-300
 
 
 @compiled_once
-def time_to_lose(room: float, rate: float, bend: float) -> float:
-    """Return the least τ with room + rate·τ − ½ bend·τ² = 0, s; room and bend ≥ 0."""
-    root = math.sqrt(rate * rate + 2.0 * bend * room)
+def time_to_lose(margin: float, rate: float, bend: float) -> float:
+    """Return the least τ with margin + rate·τ − ½ bend·τ² = 0, s.
+
+    Margin (m) and bend (m/s²) are not negative.
+    """
+    root = math.sqrt(rate * rate + 2.0 * bend * margin)
     # The form of the root without cancellation.
     if rate < 0.0:
-        return 2.0 * room / (root - rate)
+        return 2.0 * margin / (root - rate)
     return (rate + root) / bend if bend > NO_BEND else math.inf
 
 
@@ -224,7 +227,7 @@ class ArcTwist(NamedTuple):
 @compiled_once
 def arc_twist(arc: Arc, time: float, dt: float) -> ArcTwist:
     """Return the twist at a time on an arc."""
-    share = braking_share(time - arc.begin, arc.steps, dt)
+    share = braking_factor(time - arc.begin, arc.steps, dt)
     return ArcTwist(share * arc.v, share * arc.omega, arc.steps < math.inf)
 
 
@@ -254,7 +257,7 @@ def end_time(
 
 @compiled_once
 def line_time(
-    body: Body, contact: Contact, ends: Ends, driven: ArcTwist, keep: Pair
+    body: Body, contact: Contact, ends: Ends, driven: ArcTwist, distance: Pair
 ) -> float:
     """Return a lower bound of the time until a body's segment violates its distance, s.
 
@@ -263,17 +266,17 @@ def line_time(
         contact: Its contact now.
         ends: Of its segment.
         driven: Twist of the robot.
-        keep: Required distance, m, and its rate of growth, m/s.
+        distance: Required distance, m, and its rate of growth, m/s.
     """
     # Along n the footprint ends at P_r: an end may approach it by the margin.
-    floor = contact.n_x * contact.x + contact.n_y * contact.y + keep[0]
+    floor = contact.n_x * contact.x + contact.n_y * contact.y + distance[0]
     square = body.turn * body.turn
     spin = square * math.sqrt(body.x1**2 + body.y1**2)
-    time = end_time(contact, ends.one, driven, (floor, keep[1], spin))
+    time = end_time(contact, ends.one, driven, (floor, distance[1], spin))
     if is_point(body):
         return time
     spin = square * math.sqrt(body.x2**2 + body.y2**2)
-    return min(time, end_time(contact, ends.other, driven, (floor, keep[1], spin)))
+    return min(time, end_time(contact, ends.other, driven, (floor, distance[1], spin)))
 
 
 @compiled_once
@@ -282,7 +285,7 @@ def clear_time(
     body: Body,
     ends: Ends,
     driven: ArcTwist,
-    keep: Pair,
+    distance: Pair,
     limits: tuple[float, float, float],
 ) -> float:
     """Return a lower bound of the time until a body violates its distance, s.
@@ -294,10 +297,10 @@ def clear_time(
         body: The body.
         ends: Of its segment.
         driven: Twist of the robot.
-        keep: Required distance, and the part of it that may be missed later, m.
+        distance: Required distance, and the part of it that may be missed later, m.
         limits: Growth of that distance and closing speed, m/s; end of the arc, s.
     """
-    (required, slack), (growth, pace, until), wait, stop = keep, limits, math.inf, 0
+    (required, slack), (growth, pace, until), wait, stop = distance, limits, math.inf, 0
     least = required - slack
     while stop < edges.shape[0]:
         part = part_at(edges, stop)
@@ -330,13 +333,13 @@ REFINEMENTS = 6
 
 
 @compiled_once
-def room_at(scene: Scene, rollout: Rollout, i: int, time: float) -> float:
+def margin_at(scene: Scene, rollout: Rollout, i: int, time: float) -> float:
     """Return the margin of body i at a time, m."""
     body = scene.bodies[i]
     arc = rollout.arcs[arc_index(rollout.arcs, 0, time)]
     ends = ends_at(body, time, frame_at(arc, time, scene.longest))
     distance = line_contact(scene.edges, body, ends).distance
-    return float(distance - body.keep - growth_of(scene, body) * time)
+    return float(distance - body.required - growth_of(scene, body) * time)
 
 
 @compiled_once
@@ -362,11 +365,11 @@ def too_near(
         arc = arcs[row]
         at = frame_at(arc, time, dt)
         # A distance of two circles costs one root, a contact all edges.
-        spare = circle_room(scene, body, time, at) - growth * time - level
+        spare = circle_margin(scene, body, time, at) - growth * time - level
         if spare > AFAR:
             wait = spare / passing if passing > 0.0 else math.inf
         else:
-            keep = body.keep + growth * time + level
+            required = body.required + growth * time + level
             ends, until = ends_at(body, time, at), math.inf
             if row + 1 < count:
                 # The bound holds for this arc's twist; the next one is sampled at its
@@ -374,7 +377,9 @@ def too_near(
                 until = arcs[row + 1].begin - time
             driven = arc_twist(arc, time, dt)
             speeds = (growth, pace, until)
-            wait = clear_time(scene.edges, body, ends, driven, (keep, slack), speeds)
+            wait = clear_time(
+                scene.edges, body, ends, driven, (required, slack), speeds
+            )
             if wait < 0.0:
                 return True, time
         time += wait
@@ -385,7 +390,7 @@ def too_near(
 
 
 @compiled_once
-def least_room(
+def least_margin(
     scene: Scene, rollout: Rollout, i: int, span: Pair, enough: float
 ) -> tuple[float, float]:
     """Return the least sampled margin of body i, m, and its time, s.
@@ -409,26 +414,26 @@ def least_room(
         row = arc_index(arcs, row, time)
         at = frame_at(arcs[row], time, dt)
         growth = growth_of(scene, body) * time
-        room, speed = circle_room(scene, body, time, at) - growth, passing
-        if room < least + AFAR:
+        margin, speed = circle_margin(scene, body, time, at) - growth, passing
+        if margin < least + AFAR:
             contact = line_contact(scene.edges, body, ends_at(body, time, at))
-            room, speed = contact.distance - body.keep - growth, pace
-            if room < least:
-                least, when = room, time
+            margin, speed = contact.distance - body.required - growth, pace
+            if margin < least:
+                least, when = margin, time
         if time >= end:
             break
         # Within so many steps the margin cannot fall below the least so far.
         steps, way = 1.0, speed * step
         if way > 0.0:
-            steps = max(math.floor(min((room - least) / way, MOST_SKIPPED)), 1.0)
+            steps = max(math.floor(min((margin - least) / way, MOST_SKIPPED)), 1.0)
         time = min(time + steps * step, end)
     for _ in range(REFINEMENTS if when >= 0.0 else 0):
         step *= 0.5
         for side in range(2):
             time = min(max(when + (2 * side - 1) * step, span[0]), end)
-            room = room_at(scene, rollout, i, time)
-            if room < least:
-                least, when = room, time
+            margin = margin_at(scene, rollout, i, time)
+            if margin < least:
+                least, when = margin, time
     return least, when
 
 
@@ -436,12 +441,12 @@ SPARE = 0.02
 """m; excess of a group's margin below which its points are checked one by one."""
 
 
-class Meeting(NamedTuple):
-    """First violation along a rollout.
+class Violation(NamedTuple):
+    """A violated body.
 
     Attributes:
         body: Its number, or −1.
-        time: Of the violation, s.
+        time: When it is violated first, s.
     """
 
     body: int
@@ -499,14 +504,15 @@ def is_far(scene: Scene, rollout: Rollout, row: int, wanted: Pair) -> bool:
 
 
 @compiled_once
-def is_met(
+def violation_of(
     scene: Scene, rollout: Rollout, i: int, watch: Watch, slack: float
-) -> Meeting:
+) -> Violation:
     """Return the violation of body i along a rollout, if any.
 
-    A static body inside r_min may stay as near: else it could not be left.
+    A static body whose margin is negative now may stay as near: else it could not be
+    left. Such a margin must not fall further, below −ε without the slack.
     """
-    (end, level), now = watch.still, scene.bodies[i].now
+    (end, level), now = watch.still, scene.bodies[i].margin_now
     if moves(scene, i):
         end, level = watch.moving
     if now < level:
@@ -514,7 +520,7 @@ def is_met(
         if level < -slack:
             level, slack = threshold(scene), 0.0
     near, time = too_near(scene, rollout, i, (0.0, end), level, slack)
-    return Meeting(i if near else -1, time)
+    return Violation(i if near else -1, time)
 
 
 @compiled_once
@@ -522,23 +528,25 @@ def keeps_all(scene: Scene, rollout: Rollout, watch: Watch) -> bool:
     """Return whether no body violates its threshold."""
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
-        if is_met(scene, rollout, i, watch, 0.0).body >= 0:
+        if violation_of(scene, rollout, i, watch, 0.0).body >= 0:
             return False
         i = next_body(scene, rollout, i + 1, watch)
     return True
 
 
 @compiled_once
-def first_met(scene: Scene, rollout: Rollout, watch: Watch, slack: float) -> Meeting:
+def first_violated(
+    scene: Scene, rollout: Rollout, watch: Watch, slack: float
+) -> Violation:
     """Return the first body, in the order of rows, that violates, and when.
 
     ``slack``: see :func:`too_near`.
     """
-    met = Meeting(-1, 0.0)
+    met = Violation(-1, 0.0)
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
-        if met.body < 0 or comes_first(scene.bodies, i, met.body):
-            found = is_met(scene, rollout, i, watch, slack)
+        if met.body < 0 or precedes(scene.bodies, i, met.body):
+            found = violation_of(scene, rollout, i, watch, slack)
             met = found if found.body >= 0 else met
         i = next_body(scene, rollout, i + 1, watch)
     return met
