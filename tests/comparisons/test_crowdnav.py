@@ -12,9 +12,6 @@ from qpavoid.errors import ConfigError
 pytest.importorskip("pyrvo", reason="needs qpavoid[baselines]")
 crowdnav = pytest.importorskip("crowdnav", reason="needs qpavoid[study]")
 world = pytest.importorskip("crowdnav_world")
-import crowdnav_cases
-
-SHARES = "success", "collision", "at_rest", "timeout"
 
 
 def drawn_as_there(seed, count):
@@ -61,21 +58,19 @@ def test_phases_share_no_case():
 
 
 def test_orca_is_as_published():
-    """0.43 of 500 cases arrive and 0.57 touch, in 10.86 s; here the first 50."""
-    crowd = crowdnav.Crowd()
-    rows = [crowdnav.episode(crowdnav.HOLONOMIC, crowd, case) for case in range(50)]
-    successes = sum(row["success"] for row in rows)
-    assert 18 <= successes <= 26
-    assert successes + sum(row["contact"] for row in rows) == 50
-    times = [row["arrived_s"] for row in rows if row["success"]]
-    assert np.mean(times) == pytest.approx(10.86, abs=0.5)
+    """0.43 of 500 cases arrive and 0.57 touch, in 10.86 s; here the first 50.
 
-
-@pytest.mark.parametrize(("away", "speed"), [(5.0, 1.0), (0.4, 0.4)])
-def test_a_lone_disc_wants_its_speed_and_slows_down_in_the_last_metre(away, speed):
-    people = world.People(np.zeros((1, 2)), np.array([[0.6, 0.8]]) * away)
-    people.decide()
-    assert people.velocities[0] == pytest.approx(np.array([0.6, 0.8]) * speed, abs=1e-6)
+    Where goals change 0.688 of 250 arrive, 0.264 touch, in 23.4 s; here 20.
+    """
+    for crowd, cases, arrive, touch, time in (
+        (crowdnav.Crowd(), 50, (0.36, 0.52), (0.48, 0.64), 10.86),
+        (crowdnav.Crowd(people=20, changing="circle"), 20, (0.5, 0.85), (0.1, 0.4), 23),
+    ):
+        rows = [crowdnav.run_case(crowdnav.HOLONOMIC, crowd, k) for k in range(cases)]
+        total = crowdnav.summary(rows)
+        assert arrive[0] <= total["success"] <= arrive[1]
+        assert touch[0] <= total["collision"] <= touch[1]
+        assert total["time_s"] == pytest.approx(time, rel=0.15)
 
 
 @pytest.mark.parametrize(
@@ -133,16 +128,14 @@ def test_people_change_their_goals_and_are_replaced_when_they_arrive(crossing):
     changed = replaced = 0
     for tick in range(1, 81):
         people.decide()
-        assert np.hypot(*people.velocities.T).max() <= 1.5
         goals, radii, came = people.goals.copy(), people.radii.copy(), people.at(0.25)
         people.move()
         new = people.radii != radii
-        near = np.linalg.norm(came - goals, axis=1) < radii
         other = (people.goals != goals).any(axis=1) & ~new
-        replaced += new.sum()
-        assert not (near & ~new & ~other).any() and not people.before[new].any()
+        near = np.linalg.norm(came - people.goals, axis=1) < radii
+        assert not (near & ~new).any() and not people.before[new].any()
         assert tick % 20 == 0 or not other.any()
-        changed += other.sum()
+        changed, replaced = changed + other.sum(), replaced + new.sum()
     assert 25 <= changed <= 55, "half of 20 people four times"
     assert replaced > 0
 
@@ -156,15 +149,6 @@ def test_a_changing_crowd_is_judged_by_present_discs():
         assert people.judge(people.start, end) == event
     people.places -= 50.0
     assert people.judge(people.start, people.goal + [0.29, 0.0]) == "arrived"
-
-
-def test_orca_among_changing_people_is_as_published():
-    """0.688 of 250 cases arrive, 0.264 touch; here 20 of the 250 of the table."""
-    crowd = crowdnav.Crowd(people=20, changing="circle")
-    rows = [crowdnav.episode(crowdnav.HOLONOMIC, crowd, case) for case in range(20)]
-    total = crowdnav.summary([row | {"setting": "", "method": ""} for row in rows])
-    assert 0.5 <= total["success"] <= 0.85 and 0.1 <= total["collision"] <= 0.45
-    assert 0.0 < total["intrusion_percent"] < 3.0
 
 
 def test_a_robot_among_changing_people_sees_those_within_five_metres():
@@ -184,25 +168,13 @@ def test_a_robot_among_changing_people_sees_those_within_five_metres():
     assert seen[0] == (gaps < 5.3).sum() and 0 < seen[0] < 20
 
 
-def test_a_robot_with_a_lidar_arrives_among_two_people():
-    crowd = crowdnav.Crowd(people=2, changing="circle")
-    assert crowdnav.episode("qp-ahead+guide@lidar", crowd, 1)["success"]
-
-
 def test_the_page_shows_the_results():
-    with (COMPARISONS / "results/crowdnav_changing.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
     page = (COMPARISONS / "README.md").read_text("utf-8")
-    for row in rows:
-        cells = [f"{float(row[k]):.3f}" for k in SHARES]
-        cells += [f"{float(row[k]):.1f}" for k in ("time_s", "intrusion_percent")]
-        shown = f"| `{row['method']}` | {row['setting']} | {row['n']} |"
-        assert f"{shown} {' | '.join(cells)} |" in page
-
-
-def test_the_footprint_fits_into_the_disc():
-    corners = crowdnav_cases.FOOTPRINT
-    assert np.hypot(*corners.T).max() <= world.RADIUS + 1e-12
+    for row in read(COMPARISONS / "results/crowdnav_changing.csv"):
+        setting, method, n, *shares, time, share = row.values()
+        cells = [f"{float(x):.3f}" for x in shares]
+        cells += f"{float(time):.1f}", f"{float(share):.1f}"
+        assert f"| `{method}` | {setting} | {n} | {' | '.join(cells)} |" in page
 
 
 def study(monkeypatch, *arguments):
