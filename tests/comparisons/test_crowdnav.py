@@ -136,8 +136,7 @@ def test_people_change_their_goals_and_are_replaced_when_they_arrive(crossing):
         assert not (near & ~new).any() and not people.before[new].any()
         assert tick % 20 == 0 or not other.any()
         changed, replaced = changed + other.sum(), replaced + new.sum()
-    assert 25 <= changed <= 55, "half of 20 people four times"
-    assert replaced > 0
+    assert 25 <= changed <= 55 and replaced > 0  # half of 20 people four times
 
 
 def test_a_changing_crowd_is_judged_by_present_discs():
