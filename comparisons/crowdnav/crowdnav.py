@@ -18,8 +18,7 @@ With ``--changing`` people and rules are those of CrowdNav++ (``crowdnav_changin
 the robot starts towards its goal and sees true discs within 5 m, or, as
 ``METHOD@lidar``, by 360 beams at 10 Hz, σ 1 cm, range 5.3 m, and perception, which
 takes people for 0.4 m in radius: chosen among 0.25 and 0.4 on 60 cases of ``val``.
-``METHOD@lidar@fast`` has 20 Hz. With ``METHOD@wide`` r_min is 0.10 to 0.25 m, else 0.05
-to 0.10 m.
+With ``METHOD@wide`` r_min is 0.10 to 0.25 m, else 0.05 to 0.10 m.
 
     python comparisons/crowdnav/crowdnav.py --changing circle --people 20 --count 250 \
         --methods orca-holonomic,qp-ahead,qp-ahead+guide,qp-ahead+guide@lidar
@@ -50,7 +49,7 @@ from qpavoid.lab.study.tables import write_csv
 from qpavoid.types import Array
 
 HOLONOMIC = "orca-holonomic"
-VARIANTS = {"lidar", "fast", "wide"}
+VARIANTS = {"lidar", "wide"}
 METHODS = f"{HOLONOMIC},alone,eq5,eq7,qp,qp-ahead,qp-ahead+guide,orca,mppi"
 
 
@@ -78,9 +77,7 @@ def episode(method: str, crowd: Crowd, case: int) -> Row:
     else:
         scene = make_scene(people, crowd.ticks, "wide" in variants)
         if "lidar" in variants:
-            rate = 20.0 if "fast" in variants else 10.0
-            lidar = LidarSettings(range=crowd.sight, rate=rate, seed=case)
-            scene = replace(scene, lidar=lidar)
+            scene = replace(scene, lidar=LidarSettings(range=crowd.sight, seed=case))
         robot = Driven(name, crowd, people, scene)
     ends, event, intrusions = [people.start], "", 0
     for k in range(crowd.ticks):
