@@ -13,6 +13,15 @@ steps are of 0.05 s. At the beginning of a tick of 0.25 s it sees the previous
 velocities of people, from the next step on the present ones.
 
     python comparisons/crowdnav/crowdnav.py --people 5,10 --out out/crowdnav
+
+With ``--changing`` people and rules are those of CrowdNav++ (``crowdnav_changing.py``):
+the robot starts towards its goal and sees true discs within 5 m, or, as
+``METHOD@lidar``, by 360 beams at 10 Hz, σ 1 cm, range 5.3 m, and perception, which
+takes people for 0.4 m in radius: chosen among 0.25 and 0.4 on 60 cases of ``val``.
+With ``METHOD@wide`` r_min is 0.10 to 0.25 m, else 0.05 to 0.10 m.
+
+    python comparisons/crowdnav/crowdnav.py --changing circle --people 20 --count 250 \
+        --methods orca-holonomic,qp-ahead,qp-ahead+guide,qp-ahead+guide@lidar
 """
 
 import argparse
@@ -20,31 +29,27 @@ import os
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
+from dataclasses import replace
 from functools import partial
-from itertools import product
+from itertools import product, zip_longest
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from crowdnav_cases import Crowd
+from crowdnav_cases import Crowd, make_scene
 from crowdnav_robots import FEET, Driven, Holonomic, Row
-from crowdnav_world import (
-    CASES,
-    FIRST_SEED,
-    START,
-    TICK,
-    TICKS,
-    judge_tick,
-)
-from qpavoid.errors import QPAvoidError
+from crowdnav_world import CASES, FIRST_SEED, RADIUS, TICK
+from qpavoid.errors import ConfigError, QPAvoidError
 from qpavoid.lab.scenario.methods import check_methods
+from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.simulation.outcome import CRAWL, PROGRESS, STALLED
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.types import Array
 
 HOLONOMIC = "orca-holonomic"
+VARIANTS = {"lidar", "wide"}
 METHODS = f"{HOLONOMIC},alone,eq5,eq7,qp,qp-ahead,qp-ahead+guide,orca,mppi"
 
 
@@ -59,24 +64,34 @@ def run_case(method: str, crowd: Crowd, case: int) -> Row:
             **{"outcome": "failed", "success": False, "contact": False},
             **{"arrived_s": None, "contacts_moving": 0},
             **dict.fromkeys(FEET),
+            "intrusion_percent": 0.0,
             "error": f"{type(error).__name__}: {error}",
         }
 
 
 def episode(method: str, crowd: Crowd, case: int) -> Row:
-    """Return the outcome of a case."""
-    people = crowd.meet(case)
-    robot = Holonomic(crowd) if method == HOLONOMIC else Driven(method, crowd)
-    ends, event = [START], ""
-    for k in range(TICKS):
+    """Return the outcome of a case; of :data:`VARIANTS` as ``METHOD@VARIANT``."""
+    people, (name, *variants) = crowd.meet(case), method.split("@")
+    if name == HOLONOMIC:
+        robot: Holonomic | Driven = Holonomic(crowd, people)
+    else:
+        scene = make_scene(people, crowd.ticks, "wide" in variants)
+        if "lidar" in variants:
+            scene = replace(scene, lidar=LidarSettings(range=crowd.sight, seed=case))
+        robot = Driven(name, crowd, people, scene)
+    ends, event, intrusions = [people.start], "", 0
+    for k in range(crowd.ticks):
         people.decide()
         way = robot.drive(k * TICK, people)
-        event = judge_tick(people, way[0], way[-1])
+        event = people.judge(way[0], way[-1])
         ends.append(way[-1])
         people.move()
         if event:
             break
-    return judged(event, np.array(ends)) | robot.row()
+        away = np.linalg.norm(people.future()[0] - way[-1], axis=-1)
+        intrusions += int((away < 2 * RADIUS).any())
+    share = 100.0 * intrusions / (len(ends) - 1)
+    return judged(event, np.array(ends)) | {"intrusion_percent": share} | robot.row()
 
 
 def judged(event: str, ends: Array) -> Row:
@@ -98,19 +113,44 @@ def judged(event: str, ends: Array) -> Row:
     }
 
 
+def summary(rows: list[Row]) -> Row:
+    """Return shares of the cases of a method and setting, and its mean time, s.
+
+    ``at_rest`` are collisions that began while the robot stood.
+    """
+    hit = [row for row in rows if row["contact"]]
+    times = [row["arrived_s"] for row in rows if row["success"]]
+    shares = {
+        "success": len(times),
+        "collision": len(hit),
+        "at_rest": sum(not row["contacts_moving"] for row in hit),
+        "timeout": len(rows) - len(times) - len(hit),
+    }
+    found: Row = {k: rows[0][k] for k in ("setting", "method")} | {"n": len(rows)}
+    found |= {k: round(count / len(rows), 4) for k, count in shares.items()}
+    found["time_s"] = round(float(np.mean(times)), 2) if times else None
+    intrusion = [row["intrusion_percent"] for row in rows]
+    return found | {"intrusion_percent": round(float(np.mean(intrusion)), 2)}
+
+
 def study(options: argparse.Namespace) -> list[Row]:
     """Run all methods in all settings, and return a row a run.
 
     What is finished is written at once.
     """
     methods = options.methods.split(",")
-    check_methods(name for name in methods if name != HOLONOMIC)
-    crowds = [Crowd(options.phase, people) for people in options.people]
+    names, *variants = zip_longest(*(x.split("@") for x in methods))
+    check_methods(x for x in names if x != HOLONOMIC)
+    if wrong := {x for some in variants for x in some if x} - VARIANTS:
+        raise ConfigError([f"no variant {', '.join(wrong)}"])
+    phase, changing = options.phase, options.changing
+    crowds = [Crowd(phase, people, changing) for people in options.people]
     for crowd in crowds:  # is there room for so many?
         crowd.meet(options.seed)
     cases = range(options.seed, options.seed + options.count)
     options.out.mkdir(parents=True, exist_ok=True)
     rows: list[Row] = []
+    totals: list[Row] = []
     alone = options.workers == 1
     spawn = get_context("spawn")
     crew = nullcontext() if alone else ProcessPoolExecutor(options.workers, spawn)
@@ -119,9 +159,11 @@ def study(options: argparse.Namespace) -> list[Row]:
         for crowd, method in product(crowds, methods):
             found = list(each(partial(run_case, method, crowd), cases))
             rows += found
+            totals.append(summary(found))
             ends = Counter(row["outcome"] for row in found)
             print(f"{method}, {crowd.name}: {dict(ends)}", flush=True)
             write_csv(options.out / "runs.csv", rows)
+            write_csv(options.out / "summary.csv", totals)
     return rows
 
 
@@ -142,6 +184,7 @@ def main() -> None:
     add("--workers", type=int, default=os.cpu_count() or 1, metavar="N")
     parser.add_argument("--phase", choices=FIRST_SEED, default="test")
     parser.add_argument("--count", type=int, metavar="N", help="all if not given")
+    add("--changing", choices=("circle", "square"), default="", help="goals change")
     parser.add_argument("--people", type=counts, default=[5], metavar="N,M,…")
     options = parser.parse_args()
     if options.count is None:

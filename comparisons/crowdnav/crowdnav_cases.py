@@ -1,28 +1,32 @@
 """CrowdNav's cases as scenarios: robot, reference and walking people."""
 
 import math
-from functools import lru_cache
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from crowdnav_changing import SIGHT, ChangingPeople
+from crowdnav_changing import TICKS as CHANGING_TICKS
 from crowdnav_world import (
     FIRST_SEED,
-    GOAL,
     RADIUS,
     SPEED,
-    START,
     TICK,
     TICKS,
     People,
     draw_people,
 )
 from qpavoid.lab.scenario.scenario import Scenario, make_scenario
+from qpavoid.perception.settings import PerceptionSettings
 
 ANGLES = 2.0 * np.pi * np.arange(12) / 12
 FOOTPRINT = RADIUS * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
 """(12, 2) regular dodecagon in the disc, m."""
+
+BODIES = PerceptionSettings(radius=0.4)
+"""Of perception: the mean radius of people whose goals change."""
 
 
 class Crowd(NamedTuple):
@@ -31,28 +35,46 @@ class Crowd(NamedTuple):
     Attributes:
         phase: ``test``, ``val`` or ``train``.
         people: Number of people.
+        changing: Crossing of people whose goals change, ``circle`` or ``square``;
+            empty: CrowdNav's people.
     """
 
     phase: str = "test"
     people: int = 5
+    changing: str = ""
 
     @property
     def name(self) -> str:
         """Name in tables."""
-        return f"{self.people} people"
+        return f"{self.people} people" + (self.changing and f", {self.changing}")
+
+    @property
+    def sight(self) -> float:
+        """Distance from the robot's centre to the farthest disc that it sees, m."""
+        return SIGHT + RADIUS if self.changing else math.inf
+
+    @property
+    def ticks(self) -> int:
+        """Ticks until a robot that has not arrived is late."""
+        return CHANGING_TICKS if self.changing else TICKS
 
     def meet(self, case: int) -> People:
         """Return the people of a case."""
-        return People(*draw_people(FIRST_SEED[self.phase] + case, self.people))
+        seed = FIRST_SEED[self.phase] + case
+        if self.changing:
+            return ChangingPeople(seed, self.people, self.changing)
+        return People(*draw_people(seed, self.people))
 
 
-def make_document() -> dict[str, Any]:
+def make_document(people: People, ticks: int, wide: bool) -> dict[str, Any]:
     """Return robot, reference and settings as a scenario file, without people."""
+    start, goal, far = people.start, people.goal, 0.25 if wide else 0.1
+    (x, y), heading = start.tolist(), math.atan2(*(goal - start)[::-1].tolist())
     return {
         "title": "CrowdNav",
-        "duration_s": TICK * (TICKS + 1),
+        "duration_s": TICK * (ticks + 1),
         "dt_s": 0.05,
-        "start": {"x_m": START[0], "y_m": START[1], "heading_rad": math.pi / 2},
+        "start": {"x_m": x, "y_m": y, "heading_rad": heading},
         "robot": {
             "footprint_m": FOOTPRINT.tolist(),
             "v_min_mps": -SPEED,
@@ -62,16 +84,23 @@ def make_document() -> dict[str, Any]:
         },
         "reference": {
             "kind": "spline",
-            "points_m": [START.tolist(), GOAL.tolist()],
+            "points_m": [start.tolist(), goal.tolist()],
             "speed_mps": SPEED,
         },
         "tracking": {"waiting": True, "station_keeping": True, "k_y_rad_per_m2": 4.0},
         "filter": {"passive": True},
-        "radius": {"r_min_slow_m": 0.05, "r_min_fast_m": 0.1},
+        "radius": {"r_min_slow_m": 0.1 if wide else 0.05, "r_min_fast_m": far},
     }
 
 
-@lru_cache
-def make_scene() -> Scenario:
-    """Return robot, reference and settings; the simulation adds the people."""
-    return make_scenario(make_document(), "crowdnav", Path("crowdnav"))
+def make_scene(people: People, ticks: int, wide: bool = False) -> Scenario:
+    """Return robot, reference and settings; the simulation adds the people.
+
+    Args:
+        people: Of the case, with the robot's start and goal.
+        ticks: Until a robot that has not arrived is late.
+        wide: Whether r_min is 0.10 to 0.25 m, not 0.05 to 0.10 m.
+    """
+    document = make_document(people, ticks, wide)
+    scene = make_scenario(document, "crowdnav", Path("crowdnav"))
+    return replace(scene, perception=BODIES)

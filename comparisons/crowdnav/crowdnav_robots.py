@@ -6,8 +6,9 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from crowdnav_cases import Crowd, make_scene
-from crowdnav_world import GOAL, RADIUS, START, TICK, Orca, People
+from crowdnav_cases import Crowd
+from crowdnav_world import NEIGHBOURS, RADIUS, SPEED, TICK, Orca, People
+from qpavoid.lab.scenario.scenario import Scenario
 from qpavoid.lab.simulation.log import COLUMNS
 from qpavoid.lab.simulation.loop import Simulation
 from qpavoid.model.obstacles import Obstacles
@@ -22,35 +23,51 @@ FEET = "start_clearance_m", "min_room_m", "solve_us", "solve_p99_us"
 
 @dataclass
 class Shown:
-    """Sensor of all discs, with given velocities.
+    """Sensor of the discs within a distance, with given velocities.
 
     Attributes:
         velocities: (n, 2) m/s.
+        sight: m from the robot's centre to a disc.
     """
 
     velocities: Array
+    sight: float
 
     def start(self) -> Callable[[float, Obstacles, Pose], Obstacles]:
         """Return what sees."""
-        return lambda time, obstacles, pose: Obstacles(
-            discs=obstacles.discs, disc_velocities=self.velocities
-        ).seen_from(pose)
+
+        def see(time: float, obstacles: Obstacles, pose: Pose) -> Obstacles:
+            discs = Obstacles(discs=obstacles.discs, disc_velocities=self.velocities)
+            return discs.seen_from(pose).within(self.sight)
+
+        return see
 
 
 class Driven:
-    """A differential drive under a method of the registry."""
+    """A differential drive under a method of the registry.
 
-    def __init__(self, method: str, crowd: Crowd) -> None:
-        self._shown = Shown(np.zeros((crowd.people, 2)))
-        scene = replace(make_scene(), sensor=self._shown)
+    Args:
+        method: Its name.
+        crowd: The cases.
+        people: Of the case.
+        scene: Of the case; without a LiDAR the robot sees true discs.
+    """
+
+    def __init__(
+        self, method: str, crowd: Crowd, people: People, scene: Scenario
+    ) -> None:
+        self._shown = Shown(people.before, crowd.sight)
+        if scene.lidar is None:
+            scene = replace(scene, sensor=self._shown)
         self._simulation = Simulation(scene, method)
-        self._discs = np.full((crowd.people, 3), RADIUS)
+        self._discs = np.empty((crowd.people, 3))
         self._times = scene.dt * np.arange(round(TICK / scene.dt))
         self._noted: list[list[float]] = []
 
     def drive(self, time: float, people: People) -> Array:
         """Drive for a tick, and return the places (k + 1, 2), m, from step to step."""
         way, self._shown.velocities = [self._simulation.pose[:2]], people.before
+        self._discs[:, 2] = people.radii
         for later in self._times:
             self._discs[:, :2] = people.at(later)
             there = Obstacles(discs=self._discs, disc_velocities=people.velocities)
@@ -69,17 +86,30 @@ class Driven:
 
 
 class Holonomic:
-    """The original's disc, steered by ORCA: of no footprint but the disc."""
+    """The original's disc, steered by ORCA: of no footprint but the disc.
 
-    def __init__(self, crowd: Crowd) -> None:
-        self._mind, self._place, self._velocity = Orca(crowd.people), START, np.zeros(2)
+    As there, it takes all radii for 0.3 m, and future positions for further people.
+    """
+
+    def __init__(self, crowd: Crowd, people: People) -> None:
+        self._sight, self._place, self._velocity = (
+            crowd.sight,
+            people.start,
+            np.zeros(2),
+        )
 
     def drive(self, time: float, people: People) -> Array:
         """Go on for a tick, and return the places (2, 2), m, at both its ends."""
-        begin = self._place
-        places = np.vstack([begin, people.places])
-        moving = np.vstack([self._velocity, people.before])
-        self._velocity = self._mind(places, moving, GOAL)
+        begin, (places, moving) = self._place, people.future()
+        gaps = np.linalg.norm(people.places - begin, axis=1) - people.radii
+        seen = gaps <= self._sight
+        places = np.vstack([people.places, *places])[np.tile(seen, len(places) + 1)]
+        moving = np.vstack([people.before, *moving])[np.tile(seen, len(moving) + 1)]
+        alike = np.ones(len(places) + 1)
+        sizes = RADIUS * alike, SPEED * alike, NEIGHBOURS * alike
+        mind = Orca(*sizes, people.space, people.most)
+        goals, places = np.vstack([people.goal, places]), np.vstack([begin, places])
+        self._velocity = mind(places, np.vstack([self._velocity, moving]), goals)[0]
         self._place = begin + TICK * self._velocity
         return np.array([begin, self._place])
 

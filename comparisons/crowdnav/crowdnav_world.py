@@ -32,8 +32,8 @@ FIRST_SEED = {"test": 1000, "val": 0, "train": 2000}
 CASES = {"test": 500, "val": 100, "train": 2**32 - 2001}
 """Of a phase: the seed of its case 0, and how many cases it has."""
 
-NEIGHBOURS = 10.0, 10, 5.0, 5.0
-"""ORCA's neighbour distance (m), most neighbours, and time horizons (s)."""
+NEIGHBOURS, MOST_NEIGHBOURS, HORIZONS = 10.0, 10, (5.0, 5.0)
+"""ORCA's neighbour distance (m), greatest number of neighbours, time horizons (s)."""
 
 MOST_DRAWS = 10_000
 """Of a place; then there is no room."""
@@ -57,7 +57,7 @@ def draw_people(seed: int, count: int) -> tuple[Array, Array]:
     draw = np.random.RandomState(seed).random_sample
     ends = np.array([START, GOAL])
     for _ in range(count):
-        start = _free(partial(_near_circle, draw), ends)
+        start = free(partial(_near_circle, draw), ends, 2 * RADIUS + DISCOMFORT)
         ends = np.vstack([ends, start, -start])
     return ends[2::2], ends[3::2]
 
@@ -68,53 +68,73 @@ def _near_circle(draw: Draw) -> Array:
     return CIRCLE * np.array([np.cos(angle), np.sin(angle)]) + noise
 
 
-def _free(place: Callable[[], Array], taken: Array) -> Array:
-    """Return the first of the places that is free of those taken."""
+def free(place: Callable[[], Array], taken: Array, least: Array | float) -> Array:
+    """Return the first of the places that is farther than ``least`` from those taken.
+
+    Raises:
+        ConfigError: There is none among many.
+    """
     for _ in range(MOST_DRAWS):
         found = place()
-        if (np.linalg.norm(found - taken, axis=1) >= 2 * RADIUS + DISCOMFORT).all():
+        if (np.linalg.norm(found - taken, axis=1) >= least).all():
             return found
     raise ConfigError(["there is no room for so many people"])
 
 
 class Orca:
-    """CrowdNav's policy ``orca`` of one disc, by the RVO2 library.
+    """Policy ``orca`` of CrowdNav for several discs, by the RVO2 library.
 
-    The disc prefers 1 m/s towards its goal, less within the last metre. It knows the
-    places and velocities of the others, not their goals.
+    Each disc prefers 1 m/s towards its goal, less within the last metre. It knows the
+    positions, velocities and radii of the others, not their goals.
 
     Args:
-        others: How many.
+        radii: (n,) m.
+        speeds: (n,) m/s, the greatest ones.
+        reach: (n,) m, distance of the farthest neighbour that is considered.
+        space: m that is added to every radius.
+        most: Greatest number of neighbours that are considered.
 
     Raises:
         MissingExtraError: pyrvo is not installed.
     """
 
-    def __init__(self, others: int) -> None:
-        agent = *NEIGHBOURS, RADIUS, SPEED
-        self._sim = library().RVOSimulator(TICK, *agent)
-        for _ in range(others + 1):
-            wide = *NEIGHBOURS, RADIUS + WIDER, SPEED
-            self._sim.add_agent((0.0, 0.0), *wide, (0.0, 0.0))
+    def __init__(
+        self,
+        radii: Array,
+        speeds: Array,
+        reach: Array,
+        space: float,
+        most: int,
+    ) -> None:
+        agent = NEIGHBOURS, most, *HORIZONS, RADIUS, SPEED
+        self._sim, self._space = library().RVOSimulator(TICK, *agent), space
+        for i in range(len(radii)):
+            self._sim.add_agent((0.0, 0.0), *agent, (0.0, 0.0))
+            self.change(i, radii[i], speeds[i], reach[i])
 
-    def __call__(self, places: Array, velocities: Array, goal: Array) -> Array:
-        """Return the velocity (2,), m/s, for the coming tick.
+    def change(self, i: int, radius: float, speed: float, reach: float) -> None:
+        """Replace radius (m), greatest speed (m/s) and reach (m) of a disc."""
+        self._sim.set_agent_radius(i, radius + self._space)
+        self._sim.set_agent_max_speed(i, speed)
+        self._sim.set_agent_neighbor_dist(i, reach)
+
+    def __call__(self, places: Array, velocities: Array, goals: Array) -> Array:
+        """Return the velocities (n, 2), m/s, for the coming tick.
 
         Args:
-            places: (1 + others, 2) m, its own first.
-            velocities: The same, m/s, of the tick before.
-            goal: (2,) m.
+            places: (n, 2) m.
+            velocities: (n, 2) m/s, of the tick before.
+            goals: (n, 2) m.
         """
-        for i, (place, velocity) in enumerate(zip(places, velocities, strict=True)):
-            self._sim.set_agent_position(i, tuple(place))
-            self._sim.set_agent_velocity(i, tuple(velocity))
-            self._sim.set_agent_pref_velocity(i, (0.0, 0.0))
-        away = goal - places[0]
-        wanted = away / max(1.0, float(np.linalg.norm(away)))
-        self._sim.set_agent_pref_velocity(0, tuple(wanted))
+        away = goals - places
+        wanted = away / np.maximum(1.0, np.linalg.norm(away, axis=1))[:, None]
+        for i in range(len(places)):
+            self._sim.set_agent_position(i, tuple(places[i]))
+            self._sim.set_agent_velocity(i, tuple(velocities[i]))
+            self._sim.set_agent_pref_velocity(i, tuple(wanted[i]))
         self._sim.do_step()
-        found = self._sim.get_agent_velocity(0)
-        return np.array([found.x, found.y])
+        found = map(self._sim.get_agent_velocity, range(len(places)))
+        return np.array([(x.x, x.y) for x in found])
 
 
 class People:
@@ -122,47 +142,65 @@ class People:
 
     Attributes:
         places: (n, 2) m, at the beginning of the tick.
+        goals: (n, 2) m.
         before: (n, 2) m/s, of the tick before; at rest at first.
         velocities: (n, 2) m/s, of this tick.
+        radii: (n,) m.
+        start: (2,) m, of the robot.
+        goal: (2,) m, of the robot.
+        space: m that ORCA adds to every radius.
+        most: Greatest number of neighbours of ORCA.
 
     Args:
         starts: (n, 2) m.
         goals: (n, 2) m.
     """
 
+    start, goal, space, most = START, GOAL, WIDER, MOST_NEIGHBOURS
+
     def __init__(self, starts: Array, goals: Array) -> None:
         self.places, self.goals = starts, goals
         self.before = self.velocities = np.zeros_like(starts)
-        self._minds = [Orca(len(starts) - 1) for _ in starts]
+        self.radii = np.full(len(starts), RADIUS)
+        alike = np.ones(len(starts))
+        reach, more = NEIGHBOURS * alike, (self.space, self.most)
+        self._minds = Orca(self.radii, SPEED * alike, reach, *more)
 
     def decide(self) -> None:
         """Choose all velocities of the tick."""
-        chosen = []
-        for i, mind in enumerate(self._minds):
-            order = [i, *(j for j in range(len(self.places)) if j != i)]
-            chosen.append(mind(self.places[order], self.before[order], self.goals[i]))
-        self.velocities = np.array(chosen)
+        self.velocities = self._minds(self.places, self.before, self.goals)
 
     def at(self, time: float) -> Array:
-        """Return where they are (n, 2), m, so many s after the tick's beginning."""
+        """Return the positions (n, 2), m, a time (s) after the tick's beginning."""
         return self.places + time * self.velocities
 
     def move(self) -> None:
         """Go on to the next tick."""
         self.places, self.before = self.at(TICK), self.velocities
 
+    def future(self) -> tuple[Array, Array]:
+        """Return positions and velocities (k, n, 2), m and m/s, of the next k ticks.
 
-def judge_tick(people: People, begin: Array, end: Array) -> str:
-    """Return ``touched``, ``arrived`` or nothing for a tick from ``begin`` to ``end``.
+        They are those to come if no goal changes; k is 0 for CrowdNav's people.
+        """
+        none = np.empty((0, *self.places.shape))
+        return none, none
 
-    By this rule people keep the velocities of the tick *before*: touched is a disc
-    below 0 m. Arrived: the robot ends within 0.3 m of the goal.
-    """
-    offset = people.places - begin
-    moved = TICK * people.before - (end - begin)
-    if nearest(offset, offset + moved).min() < 2 * RADIUS:
-        return "touched"
-    return "arrived" if np.linalg.norm(end - GOAL) < RADIUS else ""
+    def judge(self, begin: Array, end: Array) -> str:
+        """Return ``touched``, ``arrived`` or nothing for a tick of the robot.
+
+        People are taken to keep the velocities of the tick *before*: touched is a disc
+        below 0 m. Arrived: the robot ends within 0.3 m of the goal.
+
+        Args:
+            begin: (2,) m, of the robot.
+            end: (2,) m, of the robot.
+        """
+        offset = self.places - begin
+        moved = TICK * self.before - (end - begin)
+        if nearest(offset, offset + moved).min() < 2 * RADIUS:
+            return "touched"
+        return "arrived" if np.linalg.norm(end - self.goal) < RADIUS else ""
 
 
 def nearest(begin: Array, end: Array) -> Array:
