@@ -11,7 +11,6 @@ from qpavoid.errors import ConfigError
 pytest.importorskip("pyrvo", reason="needs qpavoid[baselines]")
 crowdnav = pytest.importorskip("crowdnav", reason="needs qpavoid[study]")
 world = pytest.importorskip("crowdnav_world")
-import crowdnav_cases
 
 
 def drawn_as_there(seed, count):
@@ -68,14 +67,6 @@ def test_orca_is_as_published():
     assert np.mean(times) == pytest.approx(10.86, abs=0.5)
 
 
-def test_a_lone_disc_wants_its_speed_and_slows_down_in_the_last_metre():
-    mind = world.Orca(0)
-    for away, speed in ((5.0, 1.0), (0.4, 0.4)):
-        goal = np.array([0.6, 0.8]) * away
-        found = mind(np.zeros((1, 2)), np.zeros((1, 2)), goal)
-        assert found == pytest.approx(goal / away * speed, abs=1e-6)
-
-
 @pytest.mark.parametrize(
     ("place", "before", "end", "event"),
     [
@@ -111,11 +102,6 @@ def test_a_robot_sees_velocities_when_they_have_been_driven():
     assert way[-1] == pytest.approx([0.0, -3.75])
     now = [0, *[1] * 5, *[2] * 4]
     assert seen == [pytest.approx(speeds[k]) for k in now]
-
-
-def test_the_footprint_fits_into_the_disc():
-    corners = crowdnav_cases.FOOTPRINT
-    assert np.hypot(*corners.T).max() <= world.RADIUS + 1e-12
 
 
 def study(monkeypatch, *arguments):

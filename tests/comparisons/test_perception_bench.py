@@ -9,26 +9,12 @@ import perception_real
 from perception_bench import EXACT, FAULTY, METHODS, SCENES, run, tracker
 from perception_loops import KINDS, ROUND, drive
 from perception_measures import measure
-from perception_peer import circles
 from perception_real import AT_REST, Seen, cars, frozen, lone, seen_at_rest
-from perception_scenes import DRIFTS, large, record, walk_line
+from perception_scenes import DRIFTS, record
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.study.calibrate import Recording
 
 LIDAR = LidarSettings(beams=180)
-
-
-def test_a_mover_moves_as_its_truth_says():
-    for mover in large("cart").movers:
-        x, y, v_x, v_y = mover.motion(mover.begins + 1.0)
-        after = mover.motion(mover.begins + 1.1)
-        assert np.hypot(after[0] - x - 0.1 * v_x, after[1] - y - 0.1 * v_y) < 1e-6
-
-
-def test_a_walk_goes_to_and_fro_with_rests():
-    path = walk_line((0.0, 0.0), (3.0, 4.0), 1.0)
-    assert path(5.5)[:2] == path(6.5)[:2] == (3.0, 4.0)
-    assert math.dist(path(8.0)[:2], (3.0, 4.0)) == pytest.approx(1.0)
 
 
 def test_a_tracker_that_knows_the_truth_is_right_and_one_that_invents_is_not():
@@ -69,12 +55,6 @@ def test_the_faulty_sensor_loses_as_many_echoes_as_the_real_one():
     made = record(SCENES["furnished flat"](0), FAULTY)
     echo = np.isfinite(made.ranges)
     assert 0.1 < (echo[:-1] & ~echo[1:]).mean() < 0.17
-
-
-def test_a_circle_is_about_the_triangle_on_its_segment():
-    away = 3.0 + 1j * np.linspace(-0.15, 0.15, 9)
-    (centre,) = circles(np.concatenate([[9.0 - 9j], away, [9.0 + 9j]]), 0.01)
-    assert centre == pytest.approx(3.0 + 0.15 / math.sqrt(3.0))
 
 
 def test_a_pose_that_stops_while_the_walls_come_nearer_is_faulty():
