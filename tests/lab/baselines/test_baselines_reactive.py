@@ -15,7 +15,7 @@ from qpavoid.lab.baselines import apf, dwa, vfh
 from qpavoid.lab.baselines.drive import Baseline
 from qpavoid.lab.baselines.stopping import free_time
 from qpavoid.lab.baselines.vfh import SECTORS, WIDE
-from qpavoid.model.contacts import contact_table, empty_contacts
+from qpavoid.model.contacts import CONTACT_SIZE, contact_table, empty_contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import stopping_time, twist_box
@@ -104,7 +104,7 @@ def test_the_force_is_the_gradient_of_the_potential(seed):
     edges, arrays = MIR.footprint.edges, obstacles.arrays
     table = empty_contacts(edges, arrays)
     count, _ = contact_table(edges, MIR.limit_vector[8], arrays, reach, table)
-    found = apf.whole_force(table[:count], 0.02, reach)
+    found = apf.whole_force(table[: count * CONTACT_SIZE], 0.02, reach)
     for value, (x, y) in zip(found, ((h, 0.0), (0.0, h)), strict=True):
         before = energy(obstacles, (-x, -y, 0.0), 0.02, reach)
         after = energy(obstacles, (x, y, 0.0), 0.02, reach)
