@@ -13,17 +13,6 @@ from qpavoid.lab.simulation.run import run
 from qpavoid.model.robot import Robot
 from scenario_files import CROSSING, SLOW
 
-FAST = """
-[[obstacles]]
-kind = "disc"
-position_m = [2.5, 1.5]
-radius_m = 0.1
-velocity_mps = [-0.3, -0.3]
-[[obstacles]]
-kind = "wall"
-start_m = [-1.0, -0.6]
-end_m = [3.0, -0.6]
-"""
 CROWD = """
 [[obstacles]]
 kind = "random"
@@ -79,7 +68,6 @@ def worlds(tmp_path_factory):
     folder = tmp_path_factory.mktemp("scenarios")
     return {
         "slow": simulate(folder, "slow", CROSSING + SLOW),
-        "fast": simulate(folder, "fast", CROSSING + FAST),
         "crowd": simulate(folder, "crowd", CROSSING + CROWD, ("eq7",)),
         "empty": simulate(folder, "empty", CROSSING, ("qp",)),
     }

@@ -11,13 +11,10 @@ import time
 import numpy as np
 import pytest
 
-from qpavoid.cli import COMMANDS, main
-from qpavoid.cli.output import waiting
+from qpavoid.cli import main
 from qpavoid.lab.scenario.config import builtin_configs
 from qpavoid.lab.scenario.methods import OURS
-from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.log import Log
-from qpavoid.lab.study import compare
 
 SCENARIO = """
 title = "short"
@@ -37,22 +34,6 @@ def config(tmp_path):
     path = tmp_path / "short.toml"
     path.write_text(SCENARIO)
     return path
-
-
-def test_a_table_explains_what_is_below_r_min():
-    scenario = load_scenario("paper/test_case_1")
-    row = dict.fromkeys(compare.COLUMNS, 0.0) | {"scenario": scenario.name}
-    assert compare.table(scenario, [row]).caption is None
-    said = compare.table(scenario, [row | {"time_below_r_min_s": 1.2}]).caption
-    assert "r_min is 0.17 m (0.23 m" in said and "a tolerance of 1 mm" in said
-
-
-def test_a_build_of_the_page_is_said_step_by_step(capsys):
-    for quiet, said in ((False, "first\nsecond\n"), (True, "")):
-        with waiting(quiet) as say:
-            say("first")
-            say("second")
-        assert capsys.readouterr().err == said
 
 
 def test_compare_writes_tables_figures_and_logs(config, tmp_path, capsys):
@@ -124,13 +105,6 @@ def test_run_and_compare_keep_what_the_other_left(config, tmp_path):
     assert main(["run", str(config), *out]) == 1
 
 
-def test_run_one(config, tmp_path, capsys):
-    arguments = ["--controller", "eq7", "--out", str(tmp_path)]
-    assert main(["run", str(config), *arguments]) == 0
-    assert "eq7" in capsys.readouterr().out
-    assert (tmp_path / "logs" / "short-eq7.npz").is_file()
-
-
 def test_lists(capsys, monkeypatch):
     assert main(["list", "controllers"]) == 0
     printed = capsys.readouterr().out
@@ -178,11 +152,6 @@ def test_check_says_what_is_wrong_as_json(config, capsys):
         assert not found["valid"] and len(found["problems"]) == count, found
         assert all("short.toml" in problem for problem in found["problems"])
         assert not error
-
-
-def test_check_knows_studies(capsys):
-    assert main(["check", "studies/strangers"]) == 0
-    assert "valid. Among strangers: 100000 runs" in capsys.readouterr().out
 
 
 def test_every_shipped_file_passes_the_check(capsys):
@@ -250,11 +219,6 @@ def test_wrong_usage_is_2(arguments, hint, capsys):
     assert hint or "did you mean" not in said
 
 
-def test_without_a_command_it_says_what_there_is(capsys):
-    assert main([]) == 0
-    assert "compare" in capsys.readouterr().out
-
-
 def test_help_waits_for_nothing_heavy():
     code = "import sys; from qpavoid.cli import main; main([]); print(*sys.modules)"
     done = subprocess.run(
@@ -262,17 +226,6 @@ def test_help_waits_for_nothing_heavy():
     )
     loaded = done.stdout.splitlines()[-1].split()
     assert not {"numba", "numpy", "rich", "pydantic"} & set(loaded)
-
-
-def test_help_says_what_a_command_does_and_its_defaults(capsys):
-    for name, (command, *_) in COMMANDS.items():
-        with pytest.raises(SystemExit) as ended:
-            main([name, "--help"])
-        assert ended.value.code == 0
-        printed = " ".join(capsys.readouterr().out.split())
-        assert command.__doc__ in printed
-        for flag, default in (("--port N", "8008"), ("--points N", "0")):
-            assert flag not in printed or f"(default: {default})" in printed
 
 
 def test_a_terminal_without_greek_letters(config, tmp_path):

@@ -1,8 +1,6 @@
 """The one module that knows numba, and the parts that numba does not document."""
 
-import sys
 from importlib import util
-from types import SimpleNamespace
 
 import numba
 import pytest
@@ -74,20 +72,3 @@ def test_without_a_private_part_of_numba_it_works(lacking, monkeypatch):
     assert function(3.0) == 6.0
     assert numba.njit(lambda: function(1.5))() == 3.0
     assert anew.is_cached(function) == (lacking is not without_names)
-
-
-@pytest.mark.parametrize("terminal", [True, False])
-def test_compiling_is_said_once_and_counted_on_a_terminal(
-    terminal, monkeypatch, capsys
-):
-    listeners = []
-    monkeypatch.setattr(event, "register", lambda kind, made: listeners.append(made))
-    compiled._register_announcer()
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
-    for module in ("qpavoid.a", "numba.b", "qpavoid.c", "qpavoid.d"):
-        function = SimpleNamespace(__module__=module)
-        dispatcher = SimpleNamespace(py_func=function)
-        listeners[0].on_start(SimpleNamespace(data={"dispatcher": dispatcher}))
-    said = capsys.readouterr().err
-    assert said.count("compiling for this machine") == 1
-    assert ("compiling function 3\r" in said) == terminal

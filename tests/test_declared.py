@@ -25,9 +25,7 @@ from qpavoid.perception.settings import PerceptionSettings
 from qpavoid.settings import (
     FINITE,
     NO_KEY,
-    NOT_NEGATIVE,
     POSITIVE,
-    SHARE,
     Range,
     check,
     declared,
@@ -77,22 +75,6 @@ def test_what_is_refused(wrong, message):
     with pytest.raises(InvalidInputError) as caught:
         Things(**{"needed": 1.0, **wrong})
     assert str(caught.value).startswith(message)
-
-
-def test_ranges():
-    ends = [-math.inf, -1.0, 0.0, 0.5, 1.0, 2.0, math.inf]
-
-    def held(allowed):
-        assert not allowed.holds(math.nan)
-        return [x for x in ends if allowed.holds(x)]
-
-    assert held(POSITIVE) == [0.5, 1.0, 2.0]
-    assert held(NOT_NEGATIVE) == [0.0, 0.5, 1.0, 2.0]
-    assert held(SHARE) == [0.0, 0.5, 1.0]
-    assert held(FINITE) == ends[1:-1]
-    assert held(Range(gt=0.0, lt=2.0)) == [0.5, 1.0]
-    assert held(Range(le=0.0)) == [-math.inf, -1.0, 0.0]
-    assert str(Range(gt=0.0, le=2.0)) == "> 0 and <= 2"
 
 
 NEEDED = {

@@ -17,6 +17,7 @@ from qpavoid.cli import COMMANDS, main
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.glob("*.md"))
 TEXTS = {page.stem: page.read_text() for page in PAGES}
+README = (ROOT / "README.md").read_text()
 
 
 def fenced(text, language):
@@ -54,7 +55,7 @@ def commands_in(text):
 
 def test_commands_and_options_exist(capsys):
     tried = 0
-    for name, text in TEXTS.items():
+    for name, text in {**TEXTS, "README": README}.items():
         for command, rest in commands_in(text):
             if command == "COMMAND":
                 continue
@@ -69,7 +70,7 @@ def test_commands_and_options_exist(capsys):
 
 
 def test_paths_exist():
-    for name, text in TEXTS.items():
+    for name, text in {**TEXTS, "README": README}.items():
         for path in re.findall(r"`((?:configs|comparisons|qpavoid)/[\w./*]+)`", text):
             assert list(ROOT.glob(path.rstrip("/"))), (name, path)
         for script in re.findall(r"python (comparisons/[\w/]+\.py)", text):

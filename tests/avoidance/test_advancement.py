@@ -165,19 +165,6 @@ def test_what_creeps_grows(seed):
             assert near == (above > 0.0)
 
 
-def test_what_grows_far_away_is_too_near_in_the_end():
-    """The robot stands; only what is to be kept grows, at 0.1 m/s."""
-    world, still = Obstacles(discs=[(0.9, 0.1, 0.1)]), hold(0.0, 0.0, 0.5)
-    judged = Judged(ROBOT, world, still, (0.0, 0.0), horizon=0.0)
-    judged.bodies[0].x, judged.bodies[0].growth = 2.0, 0.1
-    room = gap_at(judged.parts[0], (0.0, 0.0, 0.0), line_of(judged.bodies[0]), 0.0)
-    for level in (0.0, 0.3, 1.0):
-        when = (room - level) / 0.1
-        assert judged.near(0, (0.0, 3.0 * when), level)[0]
-        assert judged.near(0, (0.0, 1.001 * when), level)[0]
-        assert not judged.near(0, (0.0, 0.999 * when), level)[0]
-
-
 @pytest.fixture
 def looks(monkeypatch):
     """Count the distances that a function asks for, run as plain Python."""

@@ -86,30 +86,6 @@ def test_an_obstacle_straight_from_abeam_is_avoided(robot, speed, bearing):
     assert drive(blind, world, seconds)[0] < 0.0
 
 
-@robots
-@pytest.mark.parametrize("offset", [0.0, 0.1])
-def test_a_robot_pushed_by_a_faster_obstacle_leaves_its_way(robot, offset):
-    """From behind at 1.5 m/s, half as fast again as the robot, seen at 1.5 m."""
-    world = moving([-2.245, offset], [1.5, 0.0], 0.3)
-    least, poses, _ = drive(SafetyFilter(robot), world, 4.0)
-    assert least >= RADIUS.r_min(1.5) - 1e-3
-    assert drive(SafetyFilter(robot, ahead=False), world, 4.0)[0] < 0.0
-    assert abs(poses[-1, 1] - offset) > 0.5
-
-
-def test_what_comes_too_late_is_relaxed_and_done_as_well_as_can_be():
-    """Seen at 0.5 m behind: r_min cannot be kept any more, contact can."""
-    world = moving([-0.445 - 0.3 - 0.5, 0.0], [1.5, 0.0], 0.3)
-    least, _, decisions = drive(SafetyFilter(ROBOT), world, 3.0)
-    first = decisions[0]
-    assert first.status is Status.RELAXED and first.shortfall > 0.0
-    assert first.active == (0,)
-    assert 0.0 < least < RADIUS.r_min(1.5)
-    assert least >= RADIUS.r_min(1.5) - first.shortfall - 0.02
-    assert decisions[-1].status is Status.TRACKING
-    assert decisions[-1].shortfall == 0.0
-
-
 def best_rooms(robot, world):
     """The most room that constant twists, and plans of two extreme ones, keep; m."""
     (line,), corners = lines_of_world(world), robot.footprint.vertices

@@ -9,7 +9,6 @@ from hypothesis import given
 
 from driven import gap_at, least_of, lines_of
 from qpavoid.avoidance import bodies as table
-from qpavoid.avoidance import plan as memory
 from qpavoid.avoidance.cbf_rows import R_MIN_TOLERANCE
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import stopping_time
@@ -17,7 +16,6 @@ from rollouts import (
     HORIZON,
     SETTINGS,
     every_robot,
-    geometry,
     line_of,
     scene_of,
     seeds,
@@ -58,33 +56,10 @@ def test_bodies_by_hand():
     for line in lines:
         back = [*line[2:4], *line[:2], *line[4:]]
         assert any(
-            line_of(body._replace(keep=0.0)) == pytest.approx(ends, abs=1e-12)
+            line_of(body._replace(required=0.0)) == pytest.approx(ends, abs=1e-12)
             for body in bodies[6:]
             for ends in (list(line), back)
         )
-
-
-def test_the_order_of_what_is_given_decides_nothing():
-    tables = []
-    for seed in range(5):
-        order = np.random.default_rng(seed).permutation
-        world = Obstacles(
-            points=EVERYTHING.points[order(3)],
-            walls=[EVERYTHING.walls[0][[2, 3, 0, 1]] if seed % 2 else [1, -1, 1, 1]],
-            polygons=[np.roll(EVERYTHING.polygons[0], seed, axis=0)],
-            polygon_velocities=[(0.1, 0.0, 0.5)],
-        )
-        found = geometry(scene_of(ROBOT, world).bodies)
-        count = len(found) - 4  # points come first, as they are given
-        tables.append(np.vstack([sorted(found[:count].tolist()), found[count:]]))
-    for found in tables[1:]:
-        np.testing.assert_allclose(found, tables[0], atol=1e-12)
-
-
-def test_bodies_keep_to_their_r_min():
-    bodies = rows(scene_of(ROBOT, EVERYTHING))
-    for i, body in enumerate(bodies[:6]):
-        assert body.spread == pytest.approx(body.required + (i == 5))
 
 
 def test_who_does_not_look_ahead_sees_what_stands_or_creeps():
@@ -145,16 +120,3 @@ def test_no_more_is_wanted_of_what_stands_than_there_is():
             )
             met += gap < 0.169
     assert met > 100
-
-
-def test_the_twists_given_last_are_remembered_newest_first():
-    state = memory.fresh_state()
-    for k in range(1, 4):
-        memory.keep_plan.py_func(
-            state, (0.1 * k, -0.2 * k), memory.kept_plan(state), 1.0, 0.02
-        )
-    pending = state[memory.PENDING : memory.PENDING + 6].reshape(3, 2)
-    assert pending.tolist() == [[0.1 * k, -0.2 * k] for k in (3, 2, 1)]
-    kept = state[: memory.PENDING].view(memory.KEPT)[0]
-    assert [kept.v, kept.omega] == pending[0].tolist()
-    assert kept.until == pytest.approx(0.98)

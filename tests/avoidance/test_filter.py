@@ -7,22 +7,19 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from driven import driven_to
 from oracles import exact_answer, point_distance
+from qpavoid.avoidance.cbf_rows import R_MIN_TOLERANCE
 from qpavoid.avoidance.decision import AT_REST, Decision, Status, blocked_if
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
-from qpavoid.model.footprint import Footprint
+from qpavoid.avoidance.settings import Actuation, AvoidanceSettings, SafetyRadius
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Limits, Robot
 from shapes import ROBOT, SAFETY, scene
 
+DT, R_MIN = AvoidanceSettings().dt, SafetyRadius().r_min(0.0)
+FRONT = ROBOT.footprint.vertices[:, 0].max()
 seeds = st.integers(0, 2**32 - 1)
 speeds, turns = st.floats(-2, 2), st.floats(-3, 3)
-
-
-def present(**settings):
-    """The filter that does not look ahead."""
-    return SafetyFilter(ROBOT, AvoidanceSettings(**settings), ahead=False)
 
 
 @given(speeds, turns)
@@ -41,25 +38,6 @@ def test_empty_input_means_no_obstacles(nothing):
     plain = SAFETY.filter(0.6, 0.1)
     assert SAFETY.filter(0.6, 0.1, nothing)[:7] == plain[:7]
     assert SAFETY.filter(0.6, 0.1, Obstacles())[:7] == plain[:7]
-
-
-def test_the_robot_brakes_before_a_point_ahead_by_hand():
-    """Apex at 0.688 m: γ (d − r_min) = 2 (0.212 − 0.17) m/s is what it may drive."""
-    apex = 0.445 + 0.29 * math.tan(math.radians(40))
-    dear = present(weights=(1.0, 100.0))
-    decision = dear.filter(1.0, 0.0, points=[[0.9, 0.0]])
-    assert decision.v == pytest.approx(2 * (0.9 - apex - 0.17), abs=1e-9)
-    assert decision.omega == pytest.approx(0.0, abs=1e-9)
-    assert decision.status is Status.FILTERED and decision.active == (0,)
-
-
-def test_a_parked_robot_steps_aside():
-    """An obstacle approaches from behind: it drives on, not to be touched."""
-    disc, velocity = [[-0.8, 0.0, 0.1]], [[0.3, 0.0]]
-    decision = SAFETY.filter(0.0, 0.0, Obstacles(discs=disc, disc_velocities=velocity))
-    assert decision.v > 0.1 and decision.status is Status.FILTERED
-    away = SAFETY.filter(0.0, 0.0, Obstacles(discs=disc, disc_velocities=[[-0.3, 0.0]]))
-    assert away[:3] == (0.0, 0.0, Status.TRACKING)
 
 
 def test_relaxed_reports_the_least_slack():
@@ -136,33 +114,6 @@ def test_filtering_twice_is_filtering_once(seed, v, omega):
     assert twice[:2] == pytest.approx(once[:2], abs=1e-6)
 
 
-def test_weights_choose_between_turning_and_braking():
-    obstacle = [[0.95, 0.05]]
-    braking, turning = (
-        present(weights=(1.0, w)).filter(0.8, 0.0, points=obstacle)
-        for w in (100.0, 0.001)
-    )
-    assert turning.v > braking.v
-    assert turning.omega < -0.1 and abs(braking.omega) < 0.05
-
-
-def test_the_present_alone_needs_no_memory():
-    obstacles = {"points": [[0.85, 0.1]]}
-    first = SAFETY.filter(0.8, 0.1, Obstacles(**obstacles))
-    SAFETY.filter(-1.0, 1.0, points=np.random.default_rng(0).normal(size=(50, 2)))
-    assert SAFETY.filter(0.8, 0.1, Obstacles(**obstacles))[:7] == first[:7]
-
-
-def test_settings_and_robots_are_what_is_used():
-    tight = present(radius=SafetyRadius(0.0, 0.0))
-    ahead = [[0.75, 0.0]]
-    assert tight.filter(1.0, 0.0, ahead).v > SAFETY.filter(1.0, 0.0, ahead).v
-    small = Robot("small", Footprint.rectangle(0.2, 0.2), Limits.symmetric(0.3, 0.5))
-    decision = SafetyFilter(small).filter(9.0, 9.0, points=ahead)
-    assert decision[:2] == pytest.approx((0.3, 0.5))
-    assert decision.clearance == pytest.approx(0.65)
-
-
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize(
     ("v", "omega", "stands"),
@@ -179,3 +130,34 @@ def test_blocked_is_said_of_what_stands(v, omega, stands, sign):
     found = blocked_if(made, True)
     assert (found.status is Status.BLOCKED) == stands
     assert found._replace(status=made.status) == made
+
+
+@pytest.mark.parametrize(("off", "rows"), [(0.5, 0), (-0.5, 0), (-1.5, 1)])
+def test_looking_ahead_only_what_is_nearer_than_tolerated_has_a_row(off, rows):
+    point = [[FRONT + R_MIN + off * R_MIN_TOLERANCE, 0.0]]
+    safety = SafetyFilter(ROBOT, ahead=True)
+    assert len(safety.problem(0.0, 0.0, points=point).b) == rows
+
+
+@given(
+    st.floats(-1, 1), st.floats(-1.5, 1.5), st.floats(0.5, 1.5), st.floats(-0.5, 0.5)
+)
+def test_a_late_filter_sees_what_one_at_the_place_of_effect_sees(v, omega, x, y):
+    delay = 5 * DT
+    pose = (0.0, 0.0, 0.0)
+    for _ in range(5):
+        pose = driven_to(pose, v, omega, DT)
+    dx, dy = x - pose[0], y - pose[1]
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    there = [[c * dx + s * dy, c * dy - s * dx]]
+    late = AvoidanceSettings(actuation=Actuation(delay=delay))
+    one, other = (
+        SafetyFilter(ROBOT, late, ahead=False),
+        SafetyFilter(ROBOT, ahead=False),
+    )
+    for safety in (one, other):
+        safety.reset(v, omega)
+    found = one.problem(1.0, 0.0, points=[[x, y]])
+    known = other.problem(1.0, 0.0, points=there)
+    np.testing.assert_allclose(found.A, known.A, atol=1e-9)
+    np.testing.assert_allclose(found.b, known.b, atol=1e-9)

@@ -10,7 +10,7 @@ from hypothesis import given
 from qpavoid.avoidance import bodies as table
 from qpavoid.avoidance import margin as broad
 from qpavoid.avoidance import proposals as lin
-from qpavoid.avoidance.bodies import FEW, MOST_GROUPED, threshold, tolerance
+from qpavoid.avoidance.bodies import FEW, MOST_GROUPED, threshold
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.proposals import violation
 from qpavoid.avoidance.step import look_ticks
@@ -18,8 +18,6 @@ from qpavoid.model.obstacles import Obstacles
 from rollouts import (
     HORIZON,
     SETTINGS,
-    STILL,
-    geometry,
     mixed,
     robots,
     rolled,
@@ -60,16 +58,6 @@ def groups_of(scene):
     for begin in np.flatnonzero(scene.bodies["group"] >= 0):
         group = scene.groups[scene.bodies[begin].group]
         yield group, scene.bodies[begin : group.owner]
-
-
-@pytest.mark.parametrize("turn", np.arange(8) * math.pi / 4)
-def test_points_far_apart_are_no_group_whichever_way(turn):
-    """The last is off the first by 0.44 of its distance, then by 0.15."""
-    cos, sin = math.cos(turn), math.sin(turn)
-    points = [[2.0 - 0.3 * k * sin, 0.5 + 0.3 * k * cos] for k in range(FEW)]
-    assert not [*groups_of(scene_of(ROBOT, Obstacles(points)))]
-    points = [[2.0 - 0.1 * k * sin, 0.5 + 0.1 * k * cos] for k in range(FEW)]
-    assert len([*groups_of(scene_of(ROBOT, Obstacles(points)))]) == 1
 
 
 @given(seeds)
@@ -115,42 +103,6 @@ def test_no_answer_depends_on_groups(robot, seed):
         lin.predict_contacts(one, rollout, lin.Tables(sides, frames))
         tables.append(sides)
     np.testing.assert_array_equal(*tables)
-
-
-@given(seeds)
-def test_the_first_is_the_same_in_whatever_order_points_are_given(seed):
-    rng = np.random.default_rng(seed)
-    world, plan = scanned(rng), some_plan(rng)
-    shuffled = replaced(world, rng.permutation(world.points))
-    found = []
-    for told in (world, shuffled):
-        scene = scene_of(ROBOT, told, (0.4, 0.1))
-        rollout = rolled(scene, plan, scene.last, 0.0, 2)
-        watch = broad.Watch((HORIZON, 0.0), (STILL, 0.0))
-        for met in (
-            broad.first_violated(scene, rollout, watch, 0.0),
-            violation(scene, rollout, -1),
-        ):
-            bodies = scene.bodies[met.body :][:1] if met.body >= 0 else []
-            found.append((met.time, *geometry(bodies).ravel()))
-    assert found[:2] == found[2:]
-
-
-@given(seeds)
-def test_the_violation_is_the_hint_or_the_first_of_the_rows(seed):
-    rng = np.random.default_rng(seed)
-    scene = scene_of(ROBOT, scanned(rng))
-    rollout = rolled(scene, some_plan(rng), scene.last, 0.0, 2)
-    watch, slack = broad.Watch((HORIZON, 0.0), (STILL, 0.0)), 0.5 * tolerance(scene)
-    count = len(scene.bodies)
-    met = [
-        broad.violation_of(scene, rollout, i, watch, slack).body for i in range(count)
-    ]
-    rows = geometry(scene.bodies).tolist()
-    first = min((i for i in met if i >= 0), key=rows.__getitem__, default=-1)
-    for hint in range(-1, count):
-        expected = hint if hint >= 0 and met[hint] >= 0 else first
-        assert violation(scene, rollout, hint).body == expected
 
 
 @pytest.mark.parametrize("behind", [-2.0, -3.0])

@@ -118,15 +118,6 @@ def test_who_stays_too_near_gets_a_row(robot, seed, v, omega):
             assert spares.min() < lin.ROW_ROOM
 
 
-def test_mirrored_normals_fall_into_mirrored_sectors():
-    for angle in np.linspace(-math.pi, math.pi, 721):
-        n_x, n_y = math.cos(angle), math.sin(angle)
-        one, other = lin.sector(n_x, n_y), lin.sector(n_x, -n_y)
-        assert other == (8 - one) % 8
-        turned = lin.sector(-n_y, n_x)
-        assert (turned - one) % 8 in (1, 2, 3)
-
-
 @robots
 @given(seeds)
 def test_the_nearest_twist_ahead_keeps_its_distance(robot, seed):

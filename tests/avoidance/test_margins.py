@@ -12,7 +12,6 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import (
     AvoidanceSettings,
-    LookAhead,
     Margins,
     Repulsion,
     SafetyRadius,
@@ -133,23 +132,6 @@ def test_closing_radius_is_a_smaller_gamma(closing, gamma, speed):
     closed = problem.b[0] - speed
     if room > 0.0:
         assert closed >= -gamma * (room + closing * closed) - 1e-9
-
-
-def test_settings_of_the_look_ahead_are_what_is_used():
-    """A disc that comes within reach in 2 s: only who looks so far moves now."""
-    disc, velocity = [[0.0, 1.9, 0.1]], [[0.0, -0.5]]
-    for horizon, status in ((3.0, Status.FILTERED), (1.0, Status.TRACKING)):
-        ahead = LookAhead(horizon=horizon)
-        safety = SafetyFilter(ROBOT, AvoidanceSettings(ahead=ahead))
-        decision = safety.filter(
-            0.0, 0.0, Obstacles(discs=disc, disc_velocities=velocity)
-        )
-        assert decision.status is status
-    point = [[1.4, 0.0]]
-    for horizon, status in ((1.5, Status.FILTERED), (0.2, Status.TRACKING)):
-        ahead = LookAhead(horizon_still=horizon)
-        safety = SafetyFilter(ROBOT, AvoidanceSettings(ahead=ahead))
-        assert safety.filter(0.5, 0.0, points=point).status is status
 
 
 @pytest.mark.parametrize("law", ["eq5", "eq7"])

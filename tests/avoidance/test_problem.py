@@ -94,19 +94,3 @@ def test_whoever_solves_it_the_decision_is_the_same(solver, robot, ahead):
                 unlike.append((a, b))
                 break
     assert count > 150 and not unlike
-
-
-@aheads
-@robots
-def test_statuses_say_what_was_driven(robot, ahead):
-    """Tracking: the desired twist. Relaxed: slack or shortfall. Never both unsaid."""
-    for decisions, _ in sequences(robot, ahead, 60, 3, ask=False):
-        for decision in decisions:
-            lacking = decision.slack > 0.0 or decision.shortfall > 0.0
-            if decision.status in (Status.TRACKING, Status.FILTERED):
-                assert not lacking
-            if decision.status is Status.RELAXED:
-                assert lacking
-            if decision.status is Status.HOLDING:
-                assert decision[:2] == (0.0, 0.0)
-            assert len(set(decision.active)) == len(decision.active) <= 2

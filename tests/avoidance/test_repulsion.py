@@ -13,7 +13,6 @@ from qpavoid.avoidance.laws import eq5, eq7
 from qpavoid.avoidance.settings import AvoidanceSettings, Repulsion, SafetyRadius
 from qpavoid.lab.scenario.methods import make_controller
 from qpavoid.model.contacts import Contacts
-from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
 
@@ -57,27 +56,6 @@ def test_eq5_is_the_inverse_of_j_0(p_x, p_y, bearing, speed):
     assert_allclose(eq5(p_x, p_y, *n, speed, 0.0), expected, atol=1e-12 * scale)
 
 
-@given(bearing, st.floats(0.02, 0.2))
-def test_eq5_moves_the_nearest_point_straight_away(bearing, gap):
-    """Driven a little along the twist, P_r moves with ẋ_0 along d̂_o."""
-    place = (0.62 + gap) * np.array([math.cos(bearing), math.sin(bearing)])
-    p, n, _ = contact(place)
-    if abs(p[0]) < 0.05:
-        return
-    u, _ = push("eq5", place, speed=0.7, activation="step")
-    if not u.any():
-        return
-    h = 1e-6
-
-    def moved(time):
-        x, y, turn = arc(0.0, 0.0, 0.0, *u, time)
-        c, s = math.cos(turn), math.sin(turn)
-        return np.array([x + c * p[0] - s * p[1], y + s * p[0] + c * p[1]])
-
-    velocity = (moved(h) - moved(-h)) / (2 * h)
-    assert_allclose(velocity, -0.7 * n, atol=1e-6)
-
-
 @given(
     coordinate,
     coordinate,
@@ -93,28 +71,6 @@ def test_never_nan_at_any_lever_and_damping(p_x, p_y, bearing, damping):
     n = (math.cos(bearing), math.sin(bearing))
     for law in (eq5, eq7):
         assert np.isfinite(law(p_x, p_y, *n, 10.0, damping)).all()
-
-
-def test_eq7_by_hand_on_all_five_segments():
-    """ω = ẋ_0 / (p_y cos α − p_x sin α) with α = −90, −40, 40, 90, 180 degrees."""
-    quarter = {index: place for index, place in around(0.1, 0.25)}
-    expected = {
-        0: ((-0.2225, -0.29), -90.0),
-        1: (None, -40.0),
-        2: (None, 40.0),
-        3: ((0.2225, 0.29), 90.0),
-        4: ((-0.445, 0.145), 180.0),
-    }
-    for segment, (point, degrees) in expected.items():
-        p, _, found = contact(quarter[segment])
-        assert found == segment
-        if point is not None:
-            assert_allclose(p, point, atol=1e-9)
-        alpha = math.radians(degrees)
-        lever = p[1] * math.cos(alpha) - p[0] * math.sin(alpha)
-        u, decision = push("eq7", quarter[segment], speed=2.0, activation="step")
-        assert_allclose(u, [0.0, 2.0 / lever], rtol=1e-9)
-        assert decision.status is Status.REPELLED
 
 
 @pytest.mark.parametrize("share", [0.05, 0.2, 0.4, 0.6, 0.8, 0.95])
@@ -154,15 +110,6 @@ def test_exactly_singular_undamped_is_said_and_left_out(law):
         assert (decision.v, decision.omega) == (0.3, -0.2)
         assert decision.active == (0,)
         assert "left out" in decision.status.sentence
-
-
-@laws
-def test_nearly_singular_undamped_is_huge_as_printed(law):
-    for x, y in SINGULAR[law]:
-        place = (x + 1e-5, y) if abs(y) > 0.1 else (x, y + 1e-5)
-        u, decision = push(law, place)
-        assert decision.status is Status.REPELLED
-        assert np.isfinite(u).all() and np.abs(u).max() > 1e5
 
 
 @laws

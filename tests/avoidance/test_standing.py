@@ -122,24 +122,6 @@ def brute_distance(pose, world):
     return min(gaps + [wall_distance(outline, wall) for wall in world.walls])
 
 
-@pytest.mark.parametrize(("limits", "dt"), list(zip(LIMITS, STEPS, strict=True)))
-def test_the_oracles_see_the_same_distances(limits, dt):
-    rng, nearest = np.random.default_rng([5, round(1000 * dt)]), math.inf
-    for case in (Case(limits, dt), Case(limits, dt, ahead=True)):
-        world = make_scene(rng, most=1.2)
-        demands = make_demands(rng, round(3.0 / dt), dt)
-        outcome, _, trace = case.drive(world, *demands)
-        gaps = [
-            brute_distance(driven_to(tuple(row[:3]), *row[3:], share * dt), world)
-            for row in trace
-            for share in (0.25, 0.5, 0.75, 1.0)
-        ]
-        nearest = min(nearest, *gaps)
-        assert outcome.least <= min(gaps) + 1e-7
-        assert min(gaps) >= R_MIN - EPSILON
-    assert nearest < R_MIN + 0.3
-
-
 @limits
 @aheads
 def test_from_below_r_min_it_never_comes_nearer(limits, ahead):

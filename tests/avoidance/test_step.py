@@ -11,8 +11,14 @@ from hypothesis import strategies as st
 
 from qpavoid import Limits, Robot, SafetyFilter
 from qpavoid.avoidance.decision import Status
-from qpavoid.avoidance.inputs import PROBLEM, WAITING, Freshness, Stamps
-from qpavoid.errors import InvalidInputError
+from qpavoid.avoidance.inputs import (
+    PROBLEM,
+    WAITING,
+    Fault,
+    Freshness,
+    InputWatch,
+    Stamps,
+)
 from qpavoid.model.obstacles import Obstacles
 
 AHEAD = [[1.2, 0.0]]
@@ -85,15 +91,6 @@ def test_what_is_wrong_brakes_along_the_arc(call):
         assert decision[:2] == pytest.approx((0.04 * left, 0.02 * left), abs=1e-12)
         assert math.isnan(decision.clearance) and "stops" in decision.status.sentence
     assert sum(safety.faults.values()) == 20
-
-
-FOR_STEP_ALONE = ("old", "stamps of text", "stamps that leave")
-
-
-@pytest.mark.parametrize("name", [name for name in WRONG if name not in FOR_STEP_ALONE])
-def test_filter_still_raises(name):
-    with pytest.raises((InvalidInputError, TypeError, SystemExit)):
-        moving().filter(**WRONG[name])
 
 
 def test_a_good_step_is_that_of_filter():
@@ -192,6 +189,21 @@ def test_the_same_scan_again_is_an_older_one():
     for k in range(15):
         decision = stamped(safety, 10.0 + 0.02 * k, points=10.0)
         assert (decision.status is Status.INVALID) == (k > 10), k
+
+
+REFUSED = [(100.0, Fault.UNORDERED), (99.9, Fault.UNORDERED), (100.2, Fault.FUTURE)]
+REFUSED += [(math.nan, Fault.INVALID), (math.inf, Fault.INVALID)]
+
+
+@pytest.mark.parametrize(("stamp", "why"), REFUSED)
+def test_a_stamp_that_is_refused_makes_nothing_younger(stamp, why):
+    watch = InputWatch(oldest=0.2, future=0.05)
+    assert watch.receive(100.0, 100.0, 7.0) is None
+    assert watch.receive(stamp, 100.1, 7.1) is why and watch.refused[why] == 1
+    assert watch.fault(100.1, 7.1) is None, "the last valid one is fresh"
+    assert watch.fault(100.3, 7.3) is why
+    assert watch.receive(100.35, 100.35, 7.35) is None
+    assert watch.fault(100.35, 7.35) is None
 
 
 def test_a_clock_that_stands_still_ages_it_alike():

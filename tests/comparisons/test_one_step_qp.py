@@ -6,7 +6,6 @@ import re
 from pathlib import Path
 from statistics import median
 
-import numpy as np
 import pytest
 
 import one_step_qp
@@ -45,12 +44,6 @@ def test_the_page_says_what_it_prints():
     readme = (ROOT / "README.md").read_text()
     told = f"[{code_lines(script)} lines without anything of ours](comparisons/"
     assert f"{told}{script.name})" in readme
-
-
-def test_dead_ahead_it_brakes_to_what_the_row_allows():
-    u_f, tip = np.array([0.8, 0.0]), one_step_qp.A[2]
-    u = one_step_qp.twist("QP", u_f, tip + [0.25, 0.0], np.zeros(2))
-    assert u == pytest.approx([2.0 * (0.25 - 0.17), 0.0], abs=1e-4)
 
 
 def code_lines(path):

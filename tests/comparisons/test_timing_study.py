@@ -2,19 +2,15 @@
 
 import json
 import math
-from collections import Counter
 
 import numpy as np
 import pytest
 
 from oracles import large_answer
-from qpavoid.model.obstacles import Obstacles
 from qpavoid.qp.solve import load_back_end
 from timing import solvers, steps
-from timing.loops import scan
 from timing.recorded import CLEAR, as_problem, polished, record_problems
 from timing.trials import (
-    BLOCK,
     Case,
     Contender,
     Plan,
@@ -79,20 +75,6 @@ def test_a_wrong_answer_gets_no_certificate(problems):
     assert polished(problem.scaled, problem.optimum + 1e-3)[1] > 1e-5
 
 
-def test_echoes_lie_on_the_nearest_disc_and_move_with_it():
-    discs = np.array([(2.0, 0.0, 0.5), (4.0, 0.0, 1.5), (0.0, 3.0, 1.0)])
-    velocities = np.array([(0.1, 0.0), (0.2, 0.0), (0.3, 0.0)])
-    echoes, moves = scan(Obstacles(discs=discs, disc_velocities=velocities), 360)
-    for (x, y, _), (v_x, _) in zip(echoes, moves, strict=True):
-        owner = {0.1: 0, 0.2: 1, 0.3: 2}[v_x]
-        centre, radius = discs[owner, :2], discs[owner, 2]
-        assert np.hypot(x - centre[0], y - centre[1]) == pytest.approx(radius)
-        for t in np.linspace(0.0, 0.999, 50):  # nothing in between
-            gaps = np.hypot(*(discs[:, :2] - (t * x, t * y)).T) - discs[:, 2]
-            assert (gaps > -1e-12).all()
-    assert scan(Obstacles(discs=[(0.1, 0.0, 1.0)]), 360)[0].shape == (0, 3)
-
-
 # ------------------------------------------------------------------ how it is counted
 def test_judge_counts_wrong_missing_and_false_answers():
     timed = Trials([0.0, 0.9e-5, 2e-5, math.nan], [1000, 2000, 4000, 3000], {1, 2, 3})
@@ -128,21 +110,6 @@ def test_liars_refusers_and_raisers_are_found_out(bank):
         "raiser": (0, count, 0),
     }
     assert {row["calls"] for row in rows.values()} == {count}
-
-
-def test_contenders_take_turns_and_each_block_is_led_in(bank):
-    known = feasible(bank)
-    order, met = {id(case.question): i for i, case in enumerate(known)}, []
-
-    def witness(name):
-        return contend(lambda q: met.append((name, order[id(q)])) or np.zeros(2))
-
-    race({name: witness(name) for name in ("one", "two")}, known, SMALL)
-    count, turn = len(known), 2 * (BLOCK + 1)
-    assert {name for name, _ in met[:turn]} == {"one", "two"}
-    own = Counter(place for name, place in met if name == "one")
-    led = [(i - 1) % count for i in range(0, count, BLOCK)]
-    assert own == Counter([*range(count), *led])
 
 
 @pytest.mark.long

@@ -7,21 +7,18 @@ import subprocess
 import numpy as np
 import pytest
 
-from export_problems import CAPACITY, KINDS, hostile
+from export_problems import CAPACITY
 from hostile_filters import (
-    CAREFUL,
     FILTERS,
-    LIMITED,
     LOOPS,
     in_python,
     problems_of,
 )
 from in_c import COMPILER, STRICT
-from qpavoid.avoidance.decision import BRAKING, HOLDING, INVALID, PLANNED
+from qpavoid.avoidance.decision import BRAKING, HOLDING, PLANNED
 from qpavoid.cli import main
 from qpavoid.errors import QPAvoidError
 from qpavoid.export.write import export_c
-from qpavoid.model.robot import braking_twist
 from timing.exported import (
     compile_replay,
     replay,
@@ -78,27 +75,6 @@ def test_same_answers_as_python(filters, name):
     assert np.isfinite([given["v"], given["omega"]]).all()
     seen = set(given["status"])
     assert seen >= {-1, 0, 1, 2, *SEEN.get(name, ())}, seen
-
-
-def test_invalid_data_brake_along_the_arc(filters):
-    problems = hostile(np.random.default_rng(1), 12 * KINDS, LIMITED)
-    problems["anew"], problems["last_v"], problems["last_omega"] = 1, 1.0, -0.8
-    given = replay(filters["limited"], problems)
-    invalid = given[given["status"] == INVALID]
-    assert len(invalid) >= 40
-    v, omega = braking_twist(LIMITED.limit_vector, 1.0, -0.8, CAREFUL.dt)
-    np.testing.assert_allclose(invalid["v"], v, rtol=1e-12)
-    np.testing.assert_allclose(invalid["omega"], omega, rtol=1e-12)
-
-
-def test_reset_forgets_everything(filters):
-    problems = problems_of("limited")[-400:]
-    problems["anew"][0] = 1
-    once = replay(filters["limited"], problems)
-    twice = replay(filters["limited"], np.concatenate([problems, problems]))
-    for field in ("v", "omega", "status", "active"):
-        assert (twice[field][:400] == once[field]).all()
-        assert (twice[field][400:] == once[field]).all()
 
 
 @pytest.mark.parametrize(

@@ -11,14 +11,12 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from oracles import holds_point, sides
 from qpavoid.model import capsules
 from qpavoid.model.contact import approach_row
 from qpavoid.model.contacts import (
     CONTACT,
     Contacts,
     clearance_of,
-    contact_at,
     contact_table,
     empty_contacts,
 )
@@ -186,7 +184,12 @@ def test_segment_at_a_corner_is_the_one_that_faces_the_obstacle():
 
 @footprints
 def test_on_the_boundary_the_distance_is_zero(footprint):
-    ends = np.vstack([[*sides(part)] for part in footprint.parts])
+    ends = np.vstack(
+        [
+            np.stack([part, np.roll(part, -1, axis=0)], axis=1)
+            for part in footprint.parts
+        ]
+    )
     for row, (a, b) in enumerate(ends):
         part = np.unique(footprint.edges[:, 5]).searchsorted(footprint.edges[row, 5])
         for share in (0.0, 0.3, 1.0):
@@ -257,30 +260,6 @@ def test_pruning_keeps_what_lies_within_reach_and_the_nearest(footprint, reach):
     assert clearance_of(PENTAGON, Obstacles().arrays) == math.inf
 
 
-def test_one_obstacle_at_a_time_gives_the_same():
-    world = scene(np.random.default_rng(5))
-    together, first = Contacts.of(PENTAGON, world), len(world.points)
-    for i, place in enumerate(world.points):
-        alone = Contacts.of(PENTAGON, Obstacles(points=[place]))
-        assert_allclose(together.point[together.obstacle == i], alone.point)
-    for i, disc in enumerate(world.discs):
-        alone = Contacts.of(PENTAGON, Obstacles(discs=[disc]))
-        ours = together.obstacle == first + i
-        assert_allclose(together.distance[ours], alone.distance)
-        assert_allclose(together.velocity[ours], [world.disc_velocities[i]])
-
-
-def test_of_equally_near_obstacles_the_first_is_the_nearest():
-    places = np.array([[2.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 0.0]])
-    assert table(PENTAGON, Obstacles(places).arrays, 9.0)[1] == 1
-
-
-def test_a_row_of_the_table_reads_as_it_was_written():
-    row, contacts = (0.1, 0.2, 0.6, 0.8, 0.5, -1.0, -2.0, 7, 3), np.zeros(2, CONTACT)
-    contacts[1] = row
-    assert contact_at(contacts.view(np.float64), 1) == row
-
-
 WALLS = {
     "through the middle": (-0.05, -0.4, 0.05, 0.4),
     "through a corner": (0.3, 0.35, 0.8, 0.1),
@@ -336,10 +315,3 @@ def test_shared_vertices_are_counted_once():
         assert (np.hypot(*(ends - corner).T) < 1e-9).sum() == 1
     assert len(contacts) <= len(box) * (1 + len(PENTAGON.edges))
     assert contacts.distance.min() == pytest.approx(1.5 - PENTAGON.vertices[2, 0])
-
-
-@given(corners_of("polygon"), st.integers(0, 2**32 - 1))
-def test_who_is_in_a_polygon_by_casting_a_ray(corners, seed):
-    chain, rng = Obstacles(polygons=[corners]).capsules, np.random.default_rng(seed)
-    for place in corners.mean(axis=0) + rng.normal(size=(20, 2)):
-        assert capsules.holds_point(chain, *place) == holds_point(corners, place)

@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -32,21 +31,6 @@ def test_arc_is_the_integral_of_eq_1(pose, twist, dt):
     assert arc(*pose, *twist, dt) == pytest.approx(
         integrated(pose, twist, dt), abs=1e-9
     )
-
-
-@given(poses, twists, st.floats(0, 2), st.floats(0, 2))
-def test_two_arcs_are_one(pose, twist, first, second):
-    twice = arc(*arc(*pose, *twist, first), *twist, second)
-    assert twice == pytest.approx(arc(*pose, *twist, first + second), abs=1e-12)
-
-
-@given(poses, st.floats(-2, 2), st.floats(-1, 1), st.floats(0, 4))
-def test_arc_is_continuous_in_the_yaw_rate(pose, v, share, dt):
-    """Across the switch of the sinc, and at zero, nothing jumps."""
-    for omega in (0.0, 2e-4 / max(dt, 0.01)):
-        nearly = omega + share * 1e-11
-        difference = np.subtract(arc(*pose, v, omega, dt), arc(*pose, v, nearly, dt))
-        assert np.abs(difference).max() <= 1e-9
 
 
 @given(st.floats(-1e4, 1e4))

@@ -90,21 +90,6 @@ def test_limits_that_make_no_sense(wrong, message):
         Limits(**{**box, **wrong})
 
 
-def test_the_numbers_of_a_robot_are_its_limits_and_its_size():
-    limits = Limits(-0.3, 1.1, -1.2, 1.3, 2.1, 2.2, 0.9, 0.45)
-    expected = (-0.3, 1.1, -1.2, 1.3, 2.1, 2.2, 0.9, 0.45, ROBOT.footprint.circumradius)
-    assert numbers_of(limits).tolist() == list(expected)
-
-
-def test_twist_box_by_hand():
-    robot = numbers_of(Limits(-0.5, 1.0, -1.0, 1.5, 2.0, 3.0))
-    assert twist_box(robot, 0.0, 0.0, 0.1) == pytest.approx((-0.2, 0.2, -0.3, 0.3))
-    assert twist_box(robot, 0.9, -0.9, 0.1) == pytest.approx((0.7, 1.0, -1.0, -0.6))
-    assert twist_box(robot, 7.0, -9.0, 0.1) == pytest.approx((0.8, 1.0, -1.0, -0.7))
-    free = numbers_of(Limits(-0.5, 1.0, -1.0, 1.5))
-    assert twist_box(free, 0.9, -0.9, 0.1) == (-0.5, 1.0, -1.0, 1.5)
-
-
 def test_what_is_driven_is_the_nearest_twist_that_can_follow():
     """Of a convex polygon in (v, ω): as a QP of DAQP says, which may be infeasible."""
     rng, infeasible = np.random.default_rng(5), 0
@@ -133,32 +118,6 @@ def test_what_is_driven_is_the_nearest_twist_that_can_follow():
         driven = limit_twist(robot, tuple(asked), tuple(last), dt)
         assert driven == pytest.approx(found, abs=1e-7)
     assert 100 < infeasible < 3000
-
-
-@pytest.mark.parametrize("ahead", [False, True], ids=["present", "ahead"])
-def test_a_saturated_wheel_is_left(ahead):
-    """Straight on after a curve at full speed, with and without accelerations."""
-    for rates in ((1.5, 2.0), (math.inf, math.inf)):
-        limits = Limits(-0.3, 1.2, -1.0, 1.0, *rates, wheel_speed=1.2, track=0.4)
-        robot = replace(ROBOT, limits=limits)
-        safety = SafetyFilter(robot, AvoidanceSettings(dt=0.05), ahead=ahead)
-        for asked in ((1.2, 1.0), (1.2, 0.0)):
-            twists = [safety.filter(*asked)[:2] for _ in range(40)]
-        assert twists[-1] == pytest.approx((1.2, 0.0), abs=1e-9)
-        assert twists[20] == pytest.approx((1.2, 0.0), abs=1e-9)
-
-
-def test_from_beyond_the_wheels_limit_it_brakes():
-    limits = Limits(-1.0, 1.0, -3.0, 3.0, 0.75, 1.1, wheel_speed=0.65, track=0.7)
-    v, omega = limit_twist(numbers_of(limits), (1.0, 3.0), (0.6, 0.6), 0.02)
-    assert v < 0.6 and omega / v == pytest.approx(1.0)
-
-
-def test_without_accelerations_a_stop_takes_one_step():
-    robot = numbers_of(Limits(-1, 1, -2, 2))
-    assert braking_steps(robot, 1.0, 2.0, 0.1) == 1.0
-    assert braking_twist(robot, 1.0, 2.0, 0.1) == (0.0, 0.0)
-    assert stopping_time(robot, 1.0, 2.0, 0.1) == pytest.approx(0.1)
 
 
 @given(all_limits(), speeds, turns, speeds, turns, times)
@@ -223,20 +182,6 @@ def test_hard_rows_are_never_relaxed(name):
         eased = problem.b[:3] - exact.slack - 1.001e-3
         assert (problem.A[:3] @ solution.u >= eased - 1e-6).all()
     assert 5 < relaxed < 40
-
-
-def test_the_problem_of_a_robot_with_wheels_has_their_rows():
-    limits = replace(ROBOT.limits, wheel_speed=0.8, track=0.5)
-    safety = SafetyFilter(replace(ROBOT, limits=limits), ahead=False)
-    problem = safety.problem(0.9, 0.0, points=[[0.9, 0.0]])
-    assert problem.n_hard == 4 and len(problem.b) == 5
-    assert problem.obstacle.tolist() == [0, -1, -1, -1, -1]
-    corners = {tuple(row) for row in problem.A[1:].tolist()}
-    assert corners == {(s, t * 0.25) for s in (-1.0, 1.0) for t in (-1.0, 1.0)}
-    assert problem.b[1:].tolist() == [-0.8] * 4
-    decision = safety.filter(0.9, 1.5)
-    assert decision.v + 0.25 * decision.omega == pytest.approx(0.8)
-    assert decision.active == ()
 
 
 @pytest.mark.parametrize("ahead", [False, True], ids=["present", "ahead"])

@@ -65,12 +65,3 @@ def opened(browser, url, width=1280, height=900, dark=False, errors_allowed=Fals
     context.close()
     assert errors_allowed or errors == [], errors
     assert outside == [], outside
-
-
-def wait_until(page, expression):
-    """Wait for what a page says; its policy lets no expression wait in it itself."""
-    for _ in range(600):
-        if page.evaluate(expression):
-            return
-        page.wait_for_timeout(50)
-    raise AssertionError(expression)

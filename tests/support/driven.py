@@ -10,6 +10,7 @@ from itertools import pairwise
 
 import numba
 import numpy as np
+import shapely
 
 LINE = 10
 """Columns: x1, y1, x2, y2, m; radius, m; v_x, v_y, m/s; turn, rad/s; pivot x, y, m."""
@@ -191,16 +192,10 @@ def lines_of(points=(), discs=(), velocities=None, walls=(), polygons=(), motion
     for i, corners in enumerate(polygons):
         corners = np.asarray(corners, dtype=float)
         motion = (0.0, 0.0, 0.0) if motions is None else motions[i]
+        (middle,) = shapely.Polygon(corners).centroid.coords
         for one, other in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-            rows.append([*one, *other, 0.0, *motion, *area_centroid(corners)])
+            rows.append([*one, *other, 0.0, *motion, *middle])
     return np.array(rows, dtype=float).reshape(-1, LINE)
-
-
-def area_centroid(corners):
-    """The centroid of a polygon's area, by the shoelace formula."""
-    after = np.roll(corners, -1, axis=0)
-    twice = corners[:, 0] * after[:, 1] - after[:, 0] * corners[:, 1]
-    return ((corners + after) * twice[:, None]).sum(axis=0) / (3.0 * twice.sum())
 
 
 def lines_of_world(world):

@@ -12,16 +12,15 @@ from qpavoid.export.values import Value
 
 def in_c(folder, function, **arguments):
     """Return a function that calls the C of one that returns a tuple of numbers."""
-    kinds = {"f": "double", "i": "int", "b": "bool", "v": "vector", "m": "matrix"}
+    kinds = {"f": "double", "i": "int", "v": "vector"}
     values, made, types, shapes = [], [], [], []
     for name, kind in arguments.items():
         values.append(Value(kinds[kind], name))
         types.append(kind)
-        if kind in "vm":
-            made.append(f"double *{name}_at, int {name}_n, int {name}_w")
-            size = f"{name}_n" if kind == "v" else f"{name}_n, {name}_w"
-            shapes.append(f"    {kinds[kind]} {name} = {{{name}_at, {size}}};")
-            shapes.append(f"    (void){name}; (void){name}_w;")
+        if kind == "v":
+            made.append(f"double *{name}_at, int {name}_n")
+            shapes.append(f"    vector {name} = {{{name}_at, {name}_n}};")
+            shapes.append(f"    (void){name};")
         else:
             made.append(f"{kinds[kind]} {name}")
             shapes.append(f"    (void){name};")
@@ -49,12 +48,10 @@ def in_c(folder, function, **arguments):
     def ask(*given):
         numbers = []
         for kind, one in zip(types, given, strict=True):
-            if kind in "vm":
-                pointer = one.ctypes.data_as(ctypes.c_void_p)
-                numbers += [pointer, one.shape[0], one.shape[-1]]
+            if kind == "v":
+                numbers += [one.ctypes.data_as(ctypes.c_void_p), one.shape[0]]
             else:
-                c = {"f": ctypes.c_double, "i": ctypes.c_int, "b": ctypes.c_bool}[kind]
-                numbers.append(c(one))
+                numbers.append({"f": ctypes.c_double, "i": ctypes.c_int}[kind](one))
         out = np.empty(len(parts))
         library.ask(*numbers, out.ctypes.data_as(ctypes.c_void_p))
         return out

@@ -8,63 +8,26 @@ from fractions import Fraction
 from itertools import combinations
 
 import numpy as np
+import shapely
+import shapely.ops
 from scipy.optimize import linprog
 from scipy.spatial import HalfspaceIntersection
 
 
-def point_to_segment(p, a, b):
-    """Distance, and the nearest point, by clamped projection."""
-    p, a, b = (np.asarray(x, dtype=float) for x in (p, a, b))
-    side = b - a
-    square = side @ side
-    t = np.clip((p - a) @ side / square, 0.0, 1.0) if square > 1e-200 else 0.0
-    foot = a + t * side
-    return float(np.hypot(*(p - foot))), foot
-
-
-def sides(vertices):
-    return list(zip(vertices, np.roll(vertices, -1, axis=0), strict=True))
-
-
-def holds_point(vertices, p):
-    """Say by ray casting whether a polygon holds a point."""
-    inside = False
-    for (x1, y1), (x2, y2) in sides(vertices):
-        if (y1 > p[1]) != (y2 > p[1]):
-            inside ^= bool(p[0] < x1 + (p[1] - y1) * (x2 - x1) / (y2 - y1))
-    return inside
-
-
 def point_distance(vertices, p):
-    """Signed distance of a point to a polygon: nearest side, negative inside."""
-    least = min(point_to_segment(p, a, b)[0] for a, b in sides(vertices))
-    return -least if holds_point(vertices, p) else least
+    """Signed distance of a point to a polygon, by shapely: negative inside."""
+    polygon, point = shapely.Polygon(vertices), shapely.Point(p)
+    return polygon.distance(point) or -polygon.exterior.distance(point)
+
+
+def wall_distance(vertices, wall):
+    """Distance of a segment to a polygon, by shapely; −1 in any contact or overlap."""
+    ends = shapely.LineString([wall[:2], wall[2:]])
+    return shapely.Polygon(vertices).distance(ends) or -1.0
 
 
 def cross(a, b):
     return a[0] * b[1] - a[1] * b[0]
-
-
-def segments_cross(a, b, c, d):
-    """Say whether two segments properly cross."""
-    return (
-        cross(b - a, c - a) * cross(b - a, d - a) < 0
-        and cross(d - c, a - c) * cross(d - c, b - c) < 0
-    )
-
-
-def wall_distance(vertices, wall):
-    """Distance of a segment to a polygon; −1 stands for any contact or overlap."""
-    c, d = np.asarray(wall[:2], dtype=float), np.asarray(wall[2:], dtype=float)
-    if holds_point(vertices, c) or holds_point(vertices, d):
-        return -1.0
-    least = math.inf
-    for a, b in sides(vertices):
-        if segments_cross(a, b, c, d):
-            return -1.0
-        ends = ((a, c, d), (b, c, d), (c, a, b), (d, a, b))
-        least = min(least, *(point_to_segment(*end)[0] for end in ends))
-    return least
 
 
 def exact_planes(problem):
@@ -183,10 +146,9 @@ def large_answer(problem, slack_tolerance=1e-3):
     ).x[:2]
     corners = HalfspaceIntersection(np.column_stack([-A, b]), inner).intersections
     scale = np.sqrt(problem.weights)
-    z, target = corners * scale, problem.desired * scale
-    middle = z.mean(axis=0)
-    z = z[np.argsort(np.arctan2(*(z - middle).T[::-1]))]
+    allowed = shapely.MultiPoint(corners * scale).convex_hull
+    target = shapely.Point(problem.desired * scale)
     if (A @ problem.desired >= b).all():
         return problem.desired.copy(), slack
-    feet = [point_to_segment(target, a, c) for a, c in sides(z)]
-    return min(feet, key=lambda foot: foot[0])[1] / scale, slack
+    foot = shapely.ops.nearest_points(allowed, target)[0]
+    return np.array([foot.x, foot.y]) / scale, slack

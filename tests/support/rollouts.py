@@ -56,12 +56,6 @@ def scene_of(robot, world, last=(0.0, 0.0), settings=SETTINGS, age=0.0, horizon=
     return scene._replace(bodies=bodies[:count])
 
 
-def geometry(bodies):
-    """Rows (n, 16) of bodies without their numbers: kind, owner and group."""
-    count = table.Body._fields.index("kind")
-    return np.array([[*body][:count] for body in bodies]).reshape(-1, count)
-
-
 def rolled(scene, plan, now, held, many):
     """Result of ``roll_out``, in memory of its own.
 

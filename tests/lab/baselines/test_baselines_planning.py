@@ -6,7 +6,6 @@ import scipy.special
 from numpy.testing import assert_allclose, assert_array_equal
 
 from guided import HERE, SETTINGS, SLOW_ROBOT, make, towards
-from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.lab.baselines import nmpc
 from qpavoid.lab.baselines.drive import reference_ahead, wide_discs
@@ -81,17 +80,6 @@ def test_mppi_averages_by_cost():
     average(0.3, np.column_stack([samples, costs, 0.0 * costs]), mean)
     weights = scipy.special.softmax(-costs / 0.3)
     assert_allclose(mean, weights @ samples, rtol=1e-9, atol=1e-12)
-
-
-def test_the_reference_ahead_stops_at_the_goal_and_can_be_reached():
-    near = StepContext(HERE, (0.2, 0.1, 0.0), (0.5, 0.0), (0.7, 0.1, 0.0), (0.0, 0.0))
-    poses = reference_ahead(near, ROBOT, 20, 0.1)
-    assert poses[-1] == pytest.approx((0.7, 0.1, 0.0))
-    assert poses[5, 0] == pytest.approx(0.5)
-    far = StepContext(HERE, (9.0, 0.0, 0.0), (0.5, 0.0), (9.5, 0.0, 0.0), (0.0, 0.0))
-    assert reference_ahead(far, ROBOT, 20, 0.1)[:, 0] == pytest.approx(
-        0.1 * np.arange(1, 21)
-    )
 
 
 def planned(discs, driven=(0.5, 0.0)):

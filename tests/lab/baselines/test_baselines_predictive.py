@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guided import NAMES, SETTINGS, SLOW_ROBOT, make, towards
+from guided import NAMES, SETTINGS, make, towards
 from qpavoid.avoidance.decision import Status
 from qpavoid.errors import MissingExtraError
 from qpavoid.lab.baselines.drive import round_robot, wide_discs
@@ -21,58 +21,9 @@ from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.study.metrics import metrics
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import limit_twist
 from shapes import ROBOT
 
-
-@pytest.mark.parametrize("name", NAMES)
-def test_nothing_is_done_where_nothing_is_near(name):
-    step = make(name).start(0.5, 0.1)
-    far = Obstacles(points=[(50.0, 1.0)], discs=[(-40.0, 0, 0.3)])
-    for obstacles in (Obstacles(), far):
-        for _ in range(3):
-            decision = step(0.5, 0.1, obstacles, towards(0.5, 0.1, (0.5, 0.1)))
-            assert decision[:3] == (0.5, 0.1, Status.TRACKING)
-    assert step(0.5, 0.1, Obstacles()).status is Status.TRACKING  # without a guide
-
-
 coordinate = st.floats(-3.0, 3.0)
-worlds = st.builds(
-    lambda points, discs, walls: Obstacles(
-        np.reshape(points, (-1, 2)),
-        np.reshape([disc[:3] for disc in discs], (-1, 3)),
-        np.reshape([disc[3:] for disc in discs], (-1, 2)),
-        np.reshape(walls, (-1, 4)),
-    ),
-    st.lists(st.tuples(coordinate, coordinate), max_size=3),
-    st.lists(
-        st.tuples(coordinate, coordinate, st.floats(0.0, 0.5), coordinate, coordinate),
-        max_size=3,
-    ),
-    st.lists(st.tuples(*[coordinate] * 4), max_size=2),
-)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_limits_are_kept_and_nothing_is_nan(name):
-    few = {"stages": 5, "nearest": 2}
-    small = {"mppi": {"samples": 16}, "nmpc": few, "mpc-cbf": few, "teb": few}
-    method = make(name, SLOW_ROBOT, **small.get(name, {}))
-
-    @settings(max_examples=10 if name in ("nmpc", "mpc-cbf", "teb") else 40)
-    @given(worlds, st.floats(-1, 2), st.floats(-2, 2), st.floats(0, 0.5))
-    def check(obstacles, v, omega, speed):
-        driven = (speed, 0.3 * speed)
-        decision = method.start(*driven)(v, omega, obstacles, towards(0.5, 0.2, driven))
-        twist = decision.v, decision.omega
-        cut = limit_twist(SLOW_ROBOT.limit_vector, twist, driven, SETTINGS.dt)
-        assert np.isfinite(twist).all()
-        assert twist == pytest.approx(cut, abs=1e-12)
-        tracks = decision.status is Status.TRACKING
-        allowed = limit_twist(SLOW_ROBOT.limit_vector, (v, omega), driven, SETTINGS.dt)
-        assert not tracks or twist == pytest.approx(allowed, abs=1e-9)
-
-    check()
 
 
 SCENE = """

@@ -46,15 +46,6 @@ def test_no_barrier_shrinks_faster_than_by_its_share(gamma, count):
     assert (h[:, 1:] < h[:, :-1]).any()
 
 
-def test_a_smaller_share_gives_way_sooner():
-    """With a small γ an obstacle beyond the horizon slows the robot down."""
-    ahead = Obstacles(discs=[(2.4, 0.0, 0.3)])
-    speeds = [
-        planned(ahead, gamma=gamma)[0].twists[0, 0] for gamma in (0.03, 0.06, 1.0)
-    ]
-    assert speeds[0] < speeds[1] < speeds[2]
-
-
 DODECAGON = [[0.3 * np.cos(t), 0.3 * np.sin(t)] for t in np.arange(0, 6.2, 0.5236)]
 
 

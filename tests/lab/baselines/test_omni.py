@@ -36,18 +36,6 @@ def test_a_way_is_the_integral_of_its_velocities(heading, v, omega, lateral):
     assert integrate(begin, (v, omega), 0.0, 0.7) == arc(*begin, v, omega, 0.7)
 
 
-def omni_step(obstacles, target, reference=(0.0, 0.0)):
-    method = make_controller("omni", Robot.mir100(), SETTINGS)
-    context = StepContext((0.0, 0.0, 0.0), target, reference, target, (0.0, 0.0))
-    return method.start()(0.0, 0.0, obstacles, context)
-
-
-def test_an_omnidirectional_base_goes_straight_to_its_left():
-    decision = omni_step(Obstacles(), (0.0, 0.3, 0.0))
-    assert (decision.v, decision.omega) == (0.0, 0.0)
-    assert decision.lateral == pytest.approx(0.3)
-
-
 def test_an_omnidirectional_base_steps_aside_and_comes_back():
     scenario = load_scenario("paper/test_case_2")
     log = run(scenario, "omni")

@@ -64,14 +64,6 @@ def test_every_way_round_keeps_r_min(disc, velocity):
     assert sides == {1.0, -1.0}
 
 
-def test_what_crosses_is_passed_behind():
-    disc, velocity = (1.8, -0.4, 0.3), (0.0, 0.5)
-    band = planned(Obstacles(discs=[disc], disc_velocities=[velocity]))[0]
-    passed = np.searchsorted(band.poses[1:, 0], disc[0])
-    _, y, _ = where(disc, velocity, band.steps[: passed + 1].sum())
-    assert band.poses[1 + passed, 1] < y - disc[2] and band.slack.max() < 1e-3
-
-
 def test_limits_hold_from_the_twist_driven_last_to_rest():
     obstacles, driven = Obstacles(discs=[(1.5, 0.1, 0.3)]), (0.2, 0.1)
     band, limits = (

@@ -73,23 +73,6 @@ def test_descent_never_ends_above_its_start(seed, twist):
     assert problem.box.omega_min <= omega <= problem.box.omega_max
 
 
-def test_where_nothing_is_near_descent_finds_the_target():
-    problem = METHOD.problem(Obstacles(), towards())
-    assert descend(problem, (0.0, 0.3), 200)[0] < 0.05
-
-
-def test_it_anticipates():
-    """A disc that comes head on is turned from seconds before, one beside it is not."""
-    ahead = Obstacles(discs=[(4.0, 0.05, 0.3)], disc_velocities=[(-0.5, 0.0)])
-    decision = make("ttc").start(0.5)(0.5, 0.0, ahead, towards())
-    assert decision[:2] != (0.5, 0.0)
-    late, _ = first_met(METHOD.problem(ahead, towards()), decision[:2])
-    before, _ = first_met(METHOD.problem(ahead, towards()), (0.5, 0.0))
-    assert 2.0 < before < late
-    leaves = Obstacles(discs=[(4.0, 0.05, 0.3)], disc_velocities=[(0.5, 0.0)])
-    assert make("ttc").start(0.5)(0.5, 0.0, leaves, towards())[:2] == (0.5, 0.0)
-
-
 def test_its_polygon_passes_where_its_circle_would_not():
     posts = Obstacles(points=[[1.2, 0.55], [1.2, -0.55]])
     decision = make("ttc").start(0.5)(0.5, 0.0, posts, towards())

@@ -61,14 +61,6 @@ def test_the_way_is_the_cheapest(search, seed):
         assert np.abs(np.diff(way, axis=0)).max() == 1
 
 
-@pytest.mark.parametrize("search", SEARCHES)
-def test_there_may_be_no_way(search):
-    costs = np.ones((9, 9), dtype=np.int32)
-    costs[:, 4] = 0
-    assert cheapest_way(search, costs, (1, 1), (1, 7)).shape == (0, 2)
-    assert cheapest_way(search, costs, (1, 1), (1, 1)).tolist() == [[1, 1]]
-
-
 def test_marks_and_clearance():
     grid = Grid.around(np.array([[0.0, 0.0], [4.0, 2.0]]), 1.0, 0.1)
     assert grid.seen.shape == (40, 60)

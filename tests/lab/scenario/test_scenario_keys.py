@@ -3,9 +3,9 @@
 import pytest
 
 from minimal import MINIMAL, problems, write
-from qpavoid.avoidance.settings import AvoidanceSettings, Margins
+from qpavoid.avoidance.settings import Margins
 from qpavoid.lab.scenario.scenario import load_scenario
-from qpavoid.model.robot import Limits, Robot
+from qpavoid.model.robot import Limits
 
 
 @pytest.mark.parametrize("addition", ["dt_s = nan\n", "dt_s = true\n", "seed = 1.5\n"])
@@ -56,20 +56,3 @@ def test_values_of_sections_reach_the_settings(tmp_path):
     assert scenario.robot.limits == Limits(-1.0, 1.0, -1.5, 1.5, **wheels)
     assert scenario.settings.margins == Margins(0.02, 0.4)
     assert scenario.settings.passive and scenario.settled == 0.5
-
-
-def test_a_file_without_settings_has_the_defaults(tmp_path):
-    """All but the control step, which belongs to the scenario."""
-    scenario = load_scenario(write(tmp_path, "dt_s = 0.02\n" + MINIMAL))
-    assert scenario.settings == AvoidanceSettings()
-    assert scenario.robot.limits == Robot.mir100().limits
-
-
-def test_problems_of_several_sections_come_together(tmp_path):
-    lines = problems(
-        tmp_path,
-        MINIMAL
-        + "[robot]\nfootprint_m = [[0,0],[1,0]]\n"
-        + "[radius]\nr_min_slow_m = 0.3\nr_min_fast_m = 0.2\n",
-    )
-    assert len(lines) == 2

@@ -11,10 +11,9 @@ import pytest
 from minimal import MINIMAL, write
 from places import ROOT
 from qpavoid.cli import main
-from qpavoid.errors import ConfigError
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.planning.planner import PlannerSettings
-from qpavoid.lab.scenario.config import builtin_configs, validated
+from qpavoid.lab.scenario.config import builtin_configs
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.scenario.schema import ScenarioModel
 from qpavoid.lab.sensing.lidar import LidarSettings
@@ -94,38 +93,6 @@ def test_the_track_of_the_robot_reaches_its_wheels_and_its_odometry(tmp_path):
     told = load_scenario(write(tmp_path, text + "[robot]\ntrack_m = 0.6\n"))
     assert told.plant.track == told.localisation.track == 0.6
     assert told.plant.start()(0.0, 1.0, 0.05) != without.plant.start()(0.0, 1.0, 0.05)
-
-
-STUDY = {"title": "t", "controllers": ["qp"]}
-
-
-def lines(model, document):
-    with pytest.raises(ConfigError) as caught:
-        validated(model, document, Path("s.toml"))
-    return [line.removeprefix("s.toml: ") for line in caught.value.problems]
-
-
-@pytest.mark.parametrize(
-    ("more", "said"),
-    [
-        ({"seeds": "abc"}, ["seeds: string should match pattern"]),
-        (
-            {"seeds": [-1, "x"]},
-            [
-                "seeds[0]: input should be greater than or equal to 0 (got -1)",
-                "seeds[1]: input should be a valid integer (got 'x')",
-            ],
-        ),
-        (
-            {"generators": [{"kind": "forest", "seeds": ["x"]}]},
-            ["generators[0].seeds[0]: input should be a valid integer (got 'x')"],
-        ),
-    ],
-)
-def test_names_of_types_are_no_part_of_a_key(more, said):
-    found = lines(StudyModel, STUDY | more)
-    assert len(found) == len(said)
-    assert all(line.startswith(text) for line, text in zip(found, said, strict=True))
 
 
 def test_every_key_has_an_effect():

@@ -99,12 +99,6 @@ def test_localisation_is_seeded(kind):
     assert (one == same).all() and (one != other).any()
 
 
-def test_an_ideal_plant_drives_what_is_asked():
-    step = Plant().start()
-    for k in range(20):
-        assert step(*asked(k), DT) == (asked(k), asked(k), 0.0)
-
-
 def test_lag_is_that_of_a_system_of_first_order_at_any_time_step():
     lag, end = (0.3, 0.1), 0.6
     for n in (1, 6, 60):

@@ -222,12 +222,6 @@ def test_without_the_extra_it_says_so(monkeypatch):
         Physics().start()
 
 
-def test_who_knows_of_the_wet_floor_stops_before_the_wall():
-    from examples.slippery_floor import LIMITED, least_clearance
-
-    assert least_clearance({}) < -0.1 < 0.05 < least_clearance(LIMITED)
-
-
 @pytest.mark.parametrize("name", ["demo/jackal_mujoco", "demo/mir_mujoco"])
 def test_the_shipped_scenes_are_driven(name):
     result = metrics(run(load_scenario(name), "qp-ahead"))

@@ -11,9 +11,8 @@ from qpavoid.errors import InvalidInputError
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.outcome import OUTCOME, outcome_of, verdict, worst_of
-from qpavoid.lab.simulation.run import RobotObstacle, among, run, run_fleet
+from qpavoid.lab.simulation.run import RobotObstacle, run, run_fleet
 from qpavoid.lab.study.plots import frames
-from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import integrate, to_world
 from qpavoid.model.obstacles import Obstacles
 from scenario_files import CROSSING, SLOW
@@ -98,18 +97,6 @@ def test_a_body_moves_as_its_robot_drives(footprint):
     now, tiny = body.at(pose, twist, lateral), 1e-6
     there = to_world(vertices, integrate(pose, twist, lateral, tiny))
     assert corners(now, tiny) == pytest.approx(there, abs=1e-11)
-
-
-def test_each_robot_is_among_the_world_and_all_others():
-    bodies = [
-        RobotObstacle(Footprint.rectangle(1.0, 0.5), i).at((i, 0.0, 0.0))
-        for i in range(3)
-    ]
-    world = Obstacles(discs=[[5.0, 0.0, 0.1]])
-    for i, seen in enumerate(among(world, bodies)):
-        middles = [corners.mean(axis=0)[0] for corners in seen.polygons]
-        assert middles == pytest.approx([k for k in range(3) if k != i])
-        assert len(seen) == 3 and len(seen.discs) == 1
 
 
 @pytest.mark.parametrize("controller", ["eq5", "qp-ahead", "qp-ahead+guide"])

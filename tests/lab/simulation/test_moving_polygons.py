@@ -7,9 +7,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from qpavoid import Log
 from qpavoid.errors import ConfigError
-from qpavoid.lab.baselines.drive import line_points, wide_discs, wide_lines
+from qpavoid.lab.baselines.drive import wide_lines
 from qpavoid.lab.baselines.mppi import Judgement, depth_within
-from qpavoid.lab.baselines.orca import by_motion
 from qpavoid.lab.planning.grid import Grid
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.run import run
@@ -125,13 +124,6 @@ def test_a_polygon_that_turns_towards_the_robot_is_moving():
 # ---------------------------------------------------------------------- what is seen
 
 
-def test_velocities_of_polygons_are_known_where_those_of_discs_are_estimated(tmp_path):
-    file = tmp_path / "estimated.toml"
-    file.write_text(SCENARIO.replace("[reference]", "[estimation]\n[reference]", 1))
-    log = run(load_scenario(file), "qp")
-    assert len(log.polygons) == 2 and np.isfinite(log["clearance_m"]).all()
-
-
 # ------------------------------------------------------------------ grids and detours
 def test_a_grid_is_marked_within_a_polygon():
     grid = Grid.around(np.array([[0.0, 0.0], [3.0, 2.0]]), 0.5, 0.1)
@@ -144,39 +136,6 @@ def test_a_grid_is_marked_within_a_polygon():
 
 
 # -------------------------------------------------------------------- the baselines
-def test_orca_takes_the_disc_round_a_moving_polygon():
-    still = Obstacles(points=[[9, 9]], discs=[[5, 5, 1]], polygons=[BOX + 3])
-    corners, rest = by_motion(still.joined(CART))
-    assert_array_equal(corners[0], BOX + 3)
-    wide = wide_discs(rest, SAFETY.settings)
-    assert wide.shape == (3, 5)
-    x, y, radius, *velocity = wide[2]
-    assert_allclose((x, y), BOX.mean(axis=0))
-    assert radius > np.hypot(*(BOX - (x, y)).T).max() + 0.17
-    assert_allclose(velocity, MOTION[:2])
-
-
-def test_points_on_edges_have_their_own_velocities():
-    points, h = line_points(CART, 0.13), 1e-6
-    moved = line_points(CART.moved(h), 0.13)
-    assert_allclose((moved[:, :2] - points[:, :2]) / h, points[:, 3:], atol=1e-5)
-    edge = shapely.Polygon(BOX).exterior
-    assert max(edge.distance(shapely.Point(p)) for p in points[:, :2]) < 1e-12
-
-
-def test_points_on_walls_hold_both_ends_and_leave_no_gap():
-    ends = np.array(
-        [(0.1, 0.3, 1.0, 0.3), (0.7, 0.1, 0.7, 0.17), (-2.0, 1.0, 1.0, 5.0)]
-    )
-    discs = np.array([(1.0, 1.0, 0.2), (3.0, 0.0, 0.1)])
-    points = line_points(Obstacles(discs=discs, walls=ends), 0.2)
-    assert [*np.round(points[:6, 0], 9)] == [0.1, 0.28, 0.46, 0.64, 0.82, 1.0]
-    assert len(points) == 6 + 2 + 26 and not points[:, 2:].any()
-    for line, some in zip(ends, np.split(points[:, :2], [6, 8]), strict=True):
-        assert (some[0] == line[:2]).all() and (some[-1] == line[2:]).all()
-        assert np.ptp(np.hypot(*np.diff(some, axis=0).T)) < 1e-12
-    assert line_points(Obstacles(discs=discs)).shape == (0, 5)
-    assert len(line_points(Obstacles(walls=[(0.0, 1.0, 1e99, 1.0)]))) == 1000
 
 
 def test_mppi_sees_polygons_where_they_will_be():

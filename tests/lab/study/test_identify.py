@@ -18,8 +18,6 @@ from qpavoid.lab.study.identify import (
     drive_of,
     identify,
     paired,
-    rows_of,
-    settings_of,
 )
 
 TRUE = {
@@ -200,14 +198,3 @@ def test_odometry_that_tells_nothing_is_refused(scale, early, said):
     told, seen = recorded(0.1, 20, early=early)
     with pytest.raises(QPAvoidError, match=said):
         identify(paired(told, seen * scale))
-
-
-def test_it_says_numbers_and_settings():
-    found = identify(simulated(4, noise=(0.01, 0.02)))
-    rows = rows_of(found)
-    assert [row[0] for row in rows][:2] == ["delay", "acceleration"]
-    text = settings_of(found)
-    told = dict(line.split(" = ") for line in text.splitlines() if " = " in line)
-    assert float(told["acceleration_mps2"]) <= found.acceleration.value
-    assert float(told["delay_s"]) >= found.delay.value
-    assert told["ramps"].startswith("true")

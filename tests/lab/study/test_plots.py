@@ -14,10 +14,8 @@ from qpavoid.errors import InvalidInputError
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.study import plots
-from qpavoid.lab.study.metrics import metrics
-from qpavoid.lab.study.scene import decisive_step, draw_run, middles, view_box
+from qpavoid.lab.study.scene import draw_run, middles, view_box
 from qpavoid.lab.study.style import styles
-from qpavoid.model.contact import point_contact
 from qpavoid.model.footprint import offset_outline
 from qpavoid.model.kinematics import to_world
 from scenario_files import CROSSING, SLOW
@@ -38,27 +36,6 @@ def patch(axes, label):
 
 def legend_texts(figure):
     return [text.get_text() for text in figure.legends[0].get_texts()]
-
-
-def test_zone_outline_is_everywhere_at_its_distance(robot):
-    edges = robot.footprint.edges
-    outline = offset_outline(robot.footprint.vertices, 0.2)
-    closed = np.vstack([outline, outline[:1]])
-    assert np.hypot(*np.diff(closed, axis=0).T).max() < 1.0
-    distances = [point_contact(edges, x, y).distance for x, y in outline]
-    np.testing.assert_allclose(distances, 0.2, atol=1e-12)
-
-
-def test_frames_have_a_row_a_method_and_a_column_a_time(logs):
-    figure = plots.frames(logs)
-    assert len(figure.axes) == 9
-    titles = [axes.get_title() for axes in figure.axes[:3]]
-    assert titles == ["t = 0.0 s", "t = 1.5 s", "t = 3.0 s"]
-    sides = [axes.get_ylabel() for axes in figure.axes[::3]]
-    assert sides == ["Eq. 5\ny (m)", "Eq. 7\ny (m)", "one-step QP\ny (m)"]
-    assert {axes.get_xlabel() for axes in figure.axes[6:]} == {"x (m)"}
-    assert len({(axes.get_xlim(), axes.get_ylim()) for axes in figure.axes}) == 1
-    assert {axes.get_aspect() for axes in figure.axes} == {1.0}
 
 
 def test_frame_shows_what_the_log_says(logs):
@@ -83,38 +60,6 @@ def test_frame_shows_what_the_log_says(logs):
     np.testing.assert_array_equal(driven[0].get_xdata(), log["x_m"][: step + 1])
 
 
-def test_view_holds_robots_plans_and_near_discs(logs):
-    x_low, x_high, y_low, y_high = view_box(logs, steps=[0, 30])
-    for log in logs:
-        for step in range(len(log)):
-            here = log["x_m"][step], log["y_m"][step], log["heading_rad"][step]
-            zone = offset_outline(to_world(log.vertices, here), log["r_m"][step])
-            assert x_low <= zone[:, 0].min() and zone[:, 0].max() <= x_high
-            assert y_low <= zone[:, 1].min() and zone[:, 1].max() <= y_high
-        assert y_low < log.discs[30, 0, 1] < y_high
-
-
-def test_distance_shows_bands_entry_and_exit(logs):
-    figure = plots.distance(logs)
-    (axes,) = figure.axes
-    margin, danger = axes.collections
-    heights = [np.unique(x.get_paths()[0].vertices[:, 1]) for x in (margin, danger)]
-    np.testing.assert_allclose(heights[0], [0.17, 0.17 * 4 / 3])
-    np.testing.assert_allclose(heights[1], [0.0, 0.17])
-    drawn = {x.get_marker(): x for x in axes.get_lines() if x.get_marker() in "v^"}
-    found = metrics(logs[-1])
-    assert drawn["v"].get_xdata() == pytest.approx(found["zone_entry_s"])
-    assert drawn["^"].get_xdata() == pytest.approx(found["zone_exit_s"])
-    for text, log in zip(legend_texts(figure)[:3], logs, strict=True):
-        found = metrics(log)
-        assert f"least {found['min_clearance_m']:.3f} m" in text
-        assert f"{found['zone_entry_s']:.2f} to {found['zone_exit_s']:.2f} s" in text
-    assert legend_texts(figure)[-2:] == [
-        "nearer than $r$ = 0.227 m",
-        "nearer than $r_{min}$ = 0.17 m",
-    ]
-
-
 def test_a_world_without_obstacles_can_be_drawn(worlds, tmp_path):
     figure = plots.distance(worlds["empty"])
     assert legend_texts(figure)[0] == "one-step QP: no obstacle"
@@ -131,16 +76,6 @@ def test_paths_cross_out_the_first_contact(worlds, logs):
     x, y = np.ravel(line(figure.axes[0], "first contact").get_data())
     assert (x, y) == (log["contact_x_m"][touched], log["contact_y_m"][touched])
     assert figure.axes[0].get_title() == "Eq. 7: touched"
-
-
-def test_the_decisive_moment(worlds, logs):
-    columns = logs[0].columns | {
-        "least_clearance_m": np.where(np.arange(len(logs[0])) > 7, -0.1, 1.0)
-    }
-    assert decisive_step([replace(logs[0], columns=columns)]) == 8
-    assert decisive_step(logs[:1]) == int(logs[0]["least_clearance_m"].argmin())
-    (alone,) = worlds["empty"]
-    assert decisive_step([alone]) == len(alone) - 1
 
 
 POLYGONS = """

@@ -1,7 +1,6 @@
 """Forests: scenes that are what they claim to be."""
 
 import json
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,20 +56,6 @@ def test_scenes_repeat_and_differ(robot, some):
     assert len({scene.length for scene in some}) == len(some)
 
 
-def test_clear_agrees_with_the_contacts(robot, some):
-    """Never clear where the exact distance says no; and mostly clear where it is."""
-    rng, agreed = np.random.default_rng(0), []
-    for scene in some:
-        poses = rng.uniform((0, -2.5, -3), (scene.length, 2.5, 3), (40, 3))
-        clear = scenes.clear(
-            robot.footprint.edges, poses, scene.discs, scene.walls, 0.22
-        )
-        truth = exact_clearance(robot.footprint, scene, poses) >= 0.22
-        assert not (clear & ~truth).any()
-        agreed.extend(clear == truth)
-    assert np.mean(agreed) > 0.97
-
-
 def wall_with_gap(width):
     walls = [(4.0, -5.0, 4.0, -width / 2), (4.0, width / 2, 4.0, 5.0)]
     return scenes.ForestScene(8.0, np.empty((0, 3)), np.array(walls))
@@ -86,14 +71,6 @@ def test_a_dead_end_is_not_passable(robot):
     walls = np.array([(4.0, -5.0, 4.0, 5.0)])
     scene = scenes.ForestScene(8.0, np.empty((0, 3)), walls)
     assert not scenes.is_passable(robot.footprint, scene)
-
-
-def test_a_step_of_the_lattice_goes_along_its_heading():
-    along = scenes.STEPS / np.hypot(*scenes.STEPS.T)[:, None]
-    expected = np.column_stack([np.cos(scenes.HEADINGS), np.sin(scenes.HEADINGS)])
-    np.testing.assert_allclose(along, expected, atol=1e-12)
-    turns = np.diff(np.unwrap([*scenes.HEADINGS, scenes.HEADINGS[0]]))
-    assert ((turns > math.radians(18)) & (turns < math.radians(27))).all()
 
 
 @dataclass(frozen=True)
