@@ -518,7 +518,12 @@ class Guide:
         progress, v, omega = self._stage(seen, tracking)
         late = self._headway.time >= self._guide.blocked_time
         self._blocked = late or progress is Progress.BLOCKED
-        v = min(max(v, -speed), speed) if self._stays(v, omega) else 0.0
+        v = min(max(v, -speed), speed)
+        if not self._stays(v, omega):
+            # Without anybody to give way to, the way back is that of the tracking.
+            back = tracking.desired
+            returns = not moves_near(seen) and self._stays(*back)
+            v, omega = back if returns else (0.0, omega)
         return *beyond_band(v, omega, self.robot.limits), seen
 
     def _note(self, at: Pose, seen: Obstacles, tracking: Tracking) -> bool:

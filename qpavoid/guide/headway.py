@@ -78,10 +78,12 @@ def moves_near(seen: Obstacles) -> bool:
     rows = seen.capsules
     if not len(rows):
         return False
-    speeds = np.hypot(rows[:, V_X], rows[:, V_Y])
-    ends = np.hypot(rows[:, [X1, X2]], rows[:, [Y1, Y2]])
+    with np.errstate(over="ignore"):  # numbers that the filter refuses
+        speeds = np.hypot(rows[:, V_X], rows[:, V_Y])
+        near = NEAR_DISTANCE + NEAR_TIME * speeds
+        ends = np.hypot(rows[:, [X1, X2]], rows[:, [Y1, Y2]])
     moves = (speeds > STANDING_SPEED) | (rows[:, TURN] != 0.0)
-    return bool((moves & (ends.min(axis=1) < NEAR_DISTANCE + NEAR_TIME * speeds)).any())
+    return bool((moves & (ends.min(axis=1) < near)).any())
 
 
 class Headway:

@@ -62,6 +62,10 @@ def beyond_band(v: float, omega: float, limits: Limits) -> Twist:
     return v, omega
 
 
+STRIDE = 0.01
+"""m; greatest way between two checks of an area within a control step."""
+
+
 class Bounds(NamedTuple):
     """Area that the origin of a robot must not leave while it gives way.
 
@@ -100,9 +104,11 @@ class Bounds(NamedTuple):
         """
         most = self.beyond(*pose[:2]) + EXACT
         while twist != (0.0, 0.0):
+            many = max(1, math.ceil(abs(twist[0]) * dt / STRIDE))
+            for k in range(1, many + 1):
+                if self.beyond(*arc(*pose, *twist, dt * k / many)[:2]) > most:
+                    return True
             pose = arc(*pose, *twist, dt)
-            if self.beyond(*pose[:2]) > most:
-                return True
             twist = limit_twist(robot, (0.0, 0.0), twist, dt)
         return False
 
@@ -116,7 +122,6 @@ class Rest:
     """
 
     def __init__(self, limits: Limits, dt: float) -> None:
-        v_dead, omega_dead = limits.dead
         v_dead, omega_dead = limits.dead
         self._dt, self._least = dt, (AT + dt * v_dead, AT + dt * omega_dead)
         self.begin(True)

@@ -97,11 +97,13 @@ def convex_parts(corners: list[Corner]) -> list[list[Corner]]:
     """Return convex polygons that make up a simple one, cut along diagonals.
 
     Each cut ends at a corner of more than 180° and leaves the fewest such corners; of
-    equal ones the shortest is chosen. Corners of 180° that a cut makes are left out.
+    equal ones the shortest is chosen. Corners of 180° that a cut makes are left out,
+    and parts without a width.
     """
     turns = bends(corners)
     if -1 not in turns:
-        return [[one for one, bend in zip(corners, turns, strict=True) if bend]]
+        part = [one for one, bend in zip(corners, turns, strict=True) if bend]
+        return [part] if len(part) > 2 else []
     cuts = []
     for i in (k for k, bend in enumerate(turns) if bend < 0):
         for j in (k for k in range(len(corners)) if is_diagonal(corners, i, k)):
@@ -172,6 +174,8 @@ class Footprint:
             parts += [
                 outline[[i for _, _, i in x]] for x in convex_parts(exact(outline))
             ]
+        if not parts:
+            raise InvalidInputError("a footprint takes polygons with a width")
         for part in parts:
             side = np.roll(part, -1, axis=0) - part
             length = np.hypot(side[:, 0], side[:, 1])
@@ -241,7 +245,11 @@ class Footprint:
     @classmethod
     def union(cls, parts: Sequence[Any]) -> "Footprint":
         """Return the union of footprints or corners of polygons, robot frame, m."""
-        each = (x.outlines if isinstance(x, cls) else (x,) for x in parts)
+        try:
+            given = tuple(parts)
+        except TypeError:
+            raise InvalidInputError("a union takes several polygons") from None
+        each = (x.outlines if isinstance(x, cls) else (x,) for x in given)
         return cls(tuple(outline for outlines in each for outline in outlines))
 
     @property
