@@ -176,8 +176,29 @@ def test_few_parts_of_the_published_shapes():
     apart = Footprint.union([PENTAGON, SQUARE])
     assert [len(x) for x in apart.outlines] == [5, 4] and len(apart.vertices) == 9
     assert apart.inner_radius == 1.0 and PENTAGON.inner_radius == 0.29
-    with pytest.raises(InvalidInputError, match="one polygon or more"):
-        Footprint.union([])
+    for wrong, said in (([], "one polygon or more"), (5, "takes several polygons")):
+        with pytest.raises(InvalidInputError, match=said):
+            Footprint.union(wrong)
+
+
+def test_parts_without_a_width_are_left_out():
+    """Corners 1 km away, a nanometre off a straight line."""
+    footprint = Footprint.polygon(
+        [
+            (1000.6666666667938, 1000.0000000001829),
+            (1000.8333333332558, 1000.0000000000057),
+            (1000.8333333334349, 1000.1666666665693),
+            (1000.833333333428, 1000.4999999999404),
+            (1000.6666666665346, 1000.5000000000763),
+            (1000.4999999999263, 1000.4999999998898),
+            (1000.0000000000998, 1000.5000000000947),
+            (1000.1666666667132, 1000.3333333332924),
+            (1000.3333333335488, 1000.166666666869),
+            (1000.166666666637, 999.999999999837),
+        ]
+    )
+    assert [len(part) for part in footprint.parts] == [7, 3]
+    assert np.isfinite(footprint.edges).all()
 
 
 def test_a_footprint_cannot_be_changed():
