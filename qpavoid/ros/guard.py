@@ -318,8 +318,7 @@ class Guard:
         named = {wired.odometry: fresh.odometry, wired.tracks: fresh.discs}
         named |= {wired.costmap: wired.costmap_s}
         oldest = [named.get(name, fresh.points) for name in self.watches]
-        known = min(oldest) > held
-        want(known, f"freshness needs ages above the {held:g} s of a step")
+        want(min(oldest) > held, f"freshness needs ages above the {held:g} s of a step")
         for watch, age in zip(self.watches.values(), oldest, strict=True):
             watch.oldest, watch.future = age - held, fresh.future
         before, outline = self.perceiver, setup.robot.footprint.edges
@@ -337,7 +336,10 @@ class Guard:
             never = {"stall_time": NO_STALL, "blocked_time": 2.0 * NO_STALL}
             patience = {} if wired.role == "guide" else never
             guide = replace(setup.guide, **patience)
-            self.guide = Guide(setup.robot, setup.settings, guide)
+            # Of scans stamped by their first beam, and of tracks; both are monitored.
+            oldest = max(fresh.points, fresh.discs) + messages.MOST_SPAN
+            known = replace(fresh, points=oldest)
+            self.guide = Guide(setup.robot, setup.settings, guide, freshness=known)
             self.safety = self.guide.safety
         self.safety.reset(*self.driven)
 
@@ -592,7 +594,6 @@ class Guard:
     def _guided(self, pose: Pose, obstacles: Obstacles, age: float) -> Decision:
         """Return the decision of the guide."""
         assert self.guide is not None
-        age = min(age, self.guide.safety.freshness.points)
         return self.guide.step(pose, obstacles, age=age, driven=self.driven)
 
     def _leads(self, asked: modes.Request, pose: Pose) -> bool:

@@ -363,3 +363,21 @@ def test_a_path_that_is_none_is_refused_and_the_last_one_kept(spoil, said):
     assert refused and said in refused and "path: refused" in loop.step().sentence
     loop.run(6.0)
     assert max(off(loop, -1.2, 0.0)) < 0.08
+
+
+def test_a_mover_of_old_data_is_avoided_earlier_than_one_of_fresh_data():
+    """Tracks that come at 0.5 m/s, of a slow tracker; both ages are allowed."""
+
+    def given(age, away):
+        loop = Loop(World(ROOM), {"role": "guide", "tracks": "people"},
+                    freshness__points_s=0.6, freshness__discs_s=0.6)  # fmt: skip
+
+        def tells(k):
+            seen = ros.tracks(loop.now + DT - age, [(away, 0.0, 0.25, -0.5, 0.0)])
+            assert loop.guard.see("people", seen, loop.now + DT, loop.now + DT) is None
+
+        assert not loop.run(0.5, tells)[-1].faults
+        return loop.steps[-1].v
+
+    for away in (1.0, 1.2, 1.4):
+        assert given(0.5, away) < given(0.2, away) - 0.01 < -0.2
