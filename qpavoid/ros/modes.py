@@ -13,10 +13,11 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
+from qpavoid.guide.guide import Guide
 from qpavoid.model.capsules import RADIUS, X1, Y2
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Footprint
-from qpavoid.model.kinematics import TINY, to_world
+from qpavoid.model.kinematics import TINY, to_world, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.ros.mask import within
 from qpavoid.settings import POSITIVE, Range, check
@@ -29,6 +30,10 @@ place; half the angle in which the nearest person is looked for."""
 LINE = 3.0
 AHEAD = np.array([(0.0, 0.0), (LINE, 0.0)])
 """m; length of the way ahead in ``teleop``, and its ends in the robot frame."""
+
+LEAST_STRAIGHT, ANEW, BACK_GAIN = 0.05, 0.25, 1.5
+"""m/s and rad/s, above and below which an operator drives straight ahead; m or m/s of
+change with which the line in that direction is drawn again; 1/s, return to it."""
 
 FOLLOW_TIME, LEAST_AHEAD = 1.0, 0.2
 """s, in which an error of the followed distance is reduced; least cosine of the
@@ -109,6 +114,44 @@ def is_free(seen: Obstacles, footprint: Footprint, turn: float, keep: float) -> 
     moves = np.append(np.zeros(count, dtype=np.bool_), seen.speeds > TINY)
     near = (x > 0.0) & (np.hypot(x, y) < front + LINE)
     return not bool((near & (moves | (np.abs(y) < wide))).any())
+
+
+class Teleop:
+    """Assistance of an operator who drives straight ahead.
+
+    Args:
+        guide: Of the robot.
+        drive: Settings.
+        keep: Required distance, m.
+    """
+
+    def __init__(self, guide: Guide, drive: DriveSettings, keep: float) -> None:
+        self._guide, self._drive, self._keep = guide, drive, keep
+        self._heading, self._drawn = math.nan, np.full(3, math.inf)
+
+    def step(self, asked: Request, pose: Pose) -> Request | None:
+        """Return the changed command; None where the guide is to drive.
+
+        That is where the way in the operator's direction is not free, along a line from
+        the robot. ``pose``: of the robot, odometry frame.
+        """
+        (v, omega), (x, y, heading) = asked.desired, pose
+        if v < LEAST_STRAIGHT or abs(omega) > LEAST_STRAIGHT:
+            self._heading = math.nan
+            return asked
+        if math.isnan(self._heading):
+            self._heading, self._drawn = heading, np.full(3, math.inf)
+        off = wrap_angle(self._heading - heading)
+        free = is_free(asked.obstacles, self._guide.footprint, off, self._keep)
+        if free or abs(off) > self._drive.turn:
+            self._drawn = np.full(3, math.inf)
+            back = (v, BACK_GAIN * off) if free else (0.0, 0.0)
+            return asked._replace(desired=back)
+        now = np.array([x, y, v])
+        if np.abs(now - self._drawn).max() > ANEW:
+            self._guide.follow(to_world(AHEAD, (x, y, self._heading)), v)
+            self._drawn = now
+        return None
 
 
 class Follow:

@@ -50,10 +50,11 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.errors import QPAvoidError
 from qpavoid.model.trail import relative
 from qpavoid.ros.follow_path import FollowPathServer
-from qpavoid.ros.guard import TF, Guard, GuardStep, Wiring
+from qpavoid.ros.guard import Guard, GuardStep
 from qpavoid.ros.messages import NANOSECOND
 from qpavoid.ros.parameters import SHAPE, Running, defaults, preset, setup_of
 from qpavoid.ros.report import Drawing, bounds, diagnose, markers, warm
+from qpavoid.ros.wiring import TF, Wiring
 from qpavoid.types import Pair
 
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -167,7 +168,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             kind, call = kinds.get(name, PointCloud2), partial(self._on_input, name)
             if name != TF:
                 self._hear(kind, name, call, NEWEST)
-        self._hear(Empty, "~/acknowledge", lambda _: guard.latch.acknowledge())
+        self._hear(Empty, "~/acknowledge", lambda _: guard.inputs.latch.acknowledge())
         if wiring.footprint:
             self._hear(PolygonStamped, wiring.footprint, guard.outline)
         said = {"cmd_vel_out": self._kind, **OUTPUTS}
@@ -199,7 +200,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
 
         moved = lambda m: guard.transforms(m, *self._now())  # noqa: E731
         self._hear(TFMessage, TF, moved, MANY)
-        fixed = partial(guard.frames.add, fixed=True)
+        fixed = partial(guard.sensing.frames.add, fixed=True)
         self._hear(TFMessage, "/tf_static", fixed, LATCHED)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -266,7 +267,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             return
         self._due = steady + self._run.dt_s
         measured = self._run.driven_from_odometry or guard.wiring.role == "guide"
-        driven = guard.trail.twist if measured else None
+        driven = guard.odometry.trail.twist if measured else None
         try:
             step = guard.step(now, steady, driven)
         except Exception as error:
@@ -316,7 +317,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
 
     def _publish_map(self, guard: Guard) -> None:
         """Publish the local map, on the base at the last scan."""
-        known = guard.perceiver.explain()
+        known = guard.sensing.perceiver.explain()
         if known is None:
             return
         grid = OccupancyGrid(data=array("b", known.grid.tobytes()))

@@ -7,11 +7,12 @@ import pytest
 
 import ros_messages as ros
 from qpavoid.avoidance.decision import Status
-from qpavoid.avoidance.inputs import Fault
+from qpavoid.avoidance.inputs import WAITING, Fault
 from qpavoid.errors import InvalidInputError
-from qpavoid.ros.guard import WAITING, Guard, Wiring
-from qpavoid.ros.messages import seconds
+from qpavoid.ros.guard import Guard
+from qpavoid.ros.messages import READERS, seconds
 from qpavoid.ros.parameters import defaults, preset, setup_of
+from qpavoid.ros.wiring import Wiring
 
 DT, HALF = 0.05, 0.445
 """Control step, s; half the length of the MiR without its tip, m."""
@@ -148,10 +149,10 @@ def test_what_is_blind_or_unreadable_brakes_at_once(message, fault, said):
     assert world.step().v == 0.4
 
 
-def test_of_a_flood_only_the_newest_is_read():
+def test_of_a_flood_only_the_newest_is_read(monkeypatch):
     world, read = World(guarded()), []
-    reader = world.guard._readers["scan"]
-    world.guard._readers["scan"] = lambda m: read.append(m) or reader(m)
+    reader = READERS["scan"]
+    monkeypatch.setitem(READERS, "scan", lambda m: read.append(m) or reader(m))
     for k in range(100):
         time = world.now + 4e-4 * k
         world.guard.see("scan", ros.wall(time, 6.0), time, time)

@@ -11,8 +11,9 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.inputs import Fault
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Footprint
-from qpavoid.ros.guard import Guard, Wiring
+from qpavoid.ros.guard import Guard
 from qpavoid.ros.parameters import defaults, preset, setup_of
+from qpavoid.ros.wiring import Wiring
 
 DT, BEAMS, R_MIN = 0.05, 360, 0.1
 ROOM = [(-5, -5, 5, -5), (5, -5, 5, 5), (5, 5, -5, 5), (-5, 5, -5, -5)]
@@ -268,7 +269,7 @@ def test_a_footprint_that_is_published_counts_and_a_wrong_one_does_not():
     known = loop.guard.setup.robot.footprint.vertices
     np.testing.assert_allclose(known, clockwise[::-1])
     c, s = math.cos(0.5), math.sin(0.5)
-    placed = clockwise @ [[c, s], [-s, c]] + loop.guard.trail.at(loop.now)[:2]
+    placed = clockwise @ [[c, s], [-s, c]] + loop.guard.odometry.trail.at(loop.now)[:2]
     loop.guard.outline(polygon(placed, "odom"))
     assert loop.guard.setup.robot.footprint.vertices is known, "the same, in odom"
     loop.guard.change(setup())
@@ -289,9 +290,10 @@ def test_poses_may_come_by_tf():
         loop.guard.transforms(ros.Fields(transforms=[moved]), now, now)
         loop.step()
     assert (
-        loop.steps[-1].v == pytest.approx(0.5) and loop.guard.trail.at(loop.now)[0] > -2
+        loop.steps[-1].v == pytest.approx(0.5)
+        and loop.guard.odometry.trail.at(loop.now)[0] > -2
     )
-    assert loop.guard.trail.twist[0] == pytest.approx(0.5, abs=0.01)
+    assert loop.guard.odometry.trail.twist[0] == pytest.approx(0.5, abs=0.01)
     assert loop.run(1.0)[-1].faults == {"/tf": Fault.STALE}
 
 
@@ -303,7 +305,7 @@ def test_a_driver_that_repeats_its_ranges_is_found_out():
     steps = loop.run(2.0)
     assert {"scan": Fault.BLIND} in [step.faults for step in steps]
     assert any("the ranges repeat while" in step.sentence for step in steps)
-    assert loop.guard.faults["scan blind"] > 3 and loop.world.pose[0] < -2.0
+    assert loop.guard.inputs.faults["scan: blind"] > 3 and loop.world.pose[0] < -2.0
 
 
 def test_equal_ranges_of_a_robot_at_rest_are_no_fault():
@@ -334,7 +336,7 @@ def test_a_topic_of_another_clock_is_named(ahead, said):
     [({"role": "planner"}, "role must be one of"),
      ({"role": "guide", "odometry": ""}, "a guide needs odometry"),
      ({"dock_frame": "dock"}, "a dock needs dock_frame and dock_m"),
-     ({"dock_frame": "dock", "dock_m": (0.0, 0.0, 1.0)}, "dock_m needs pairs")],
+     ({"dock_frame": "dock", "dock_m": (0.0, 0.0, 1.0)}, "dock_m needs 2 numbers")],
 )  # fmt: skip
 def test_wiring_of_roles_that_is_wrong_is_named(wiring, said):
     with pytest.raises(InvalidInputError, match=said):

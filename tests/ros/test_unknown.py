@@ -12,10 +12,11 @@ from qpavoid.avoidance.inputs import Fault
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.transform import Transform
-from qpavoid.ros.guard import Guard, Wiring
+from qpavoid.ros.guard import Guard
 from qpavoid.ros.mask import RECORDED, border, within
 from qpavoid.ros.messages import Fan
 from qpavoid.ros.parameters import defaults, preset, setup_of
+from qpavoid.ros.wiring import Wiring
 from shapes import footprints
 
 DT, BEAMS, HALF = 0.05, 360, np.array([0.25, 0.2])
@@ -63,7 +64,7 @@ class World:
         told = self.guard.driven if self.told is None else self.told
         self.guard.see("odom", ros.odometry(now[0], self.pose, *told), *now)
         self.guard.command(ros.twist(v, omega), *now)
-        driven = self.guard.trail.twist if self.by_odometry else None
+        driven = self.guard.odometry.trail.twist if self.by_odometry else None
         step = self.guard.step(*now, driven)
         self.pose = driven_to(self.pose, step.v, step.omega, DT)
         self.k += 1
@@ -228,7 +229,7 @@ def test_a_twist_that_its_poses_do_not_show_is_a_fault(told):
     world.told, x = (told, 0.0), world.pose[0]
     steps = [world.step(0.5) for _ in range(30)]
     assert {"odom": Fault.IMPLAUSIBLE} in [step.faults for step in steps]
-    assert abs(world.guard.trail.twist[0]) < 0.7 and world.pose[0] < x + 0.7
+    assert abs(world.guard.odometry.trail.twist[0]) < 0.7 and world.pose[0] < x + 0.7
     assert "that of its poses" in world.guard.errors["odom"]
 
 
@@ -244,7 +245,7 @@ def test_a_twist_that_was_never_filled_in_is_that_of_the_poses(turn):
 def test_a_frame_that_is_not_known_is_named_with_those_that_are():
     guard = guarded()
     bad = ros.link("base_link", "mast", (0, 0, 0), (0, 0, 0, 0))
-    guard.frames.add(ros.Fields(transforms=[bad]), fixed=True)
+    guard.sensing.frames.add(ros.Fields(transforms=[bad]), fixed=True)
     assert "'mast' is left out" in guard.errors["tf"]
     guard.see("scan", ros.wall(10.0, 3.0, frame="mast"), 10.0, 10.0)
     said = guard.step(10.0, 10.0).sentence
@@ -257,7 +258,7 @@ def test_a_frame_that_is_not_known_is_named_with_those_that_are():
      ({"scans": ("a", "a")}, "a topic is repeated"),
      ({"frame_poses": ()}, "frame_poses needs 6 numbers"),
      ({"mask_boxes_m": (1.0, 0.0, 0.0, 1.0)}, "x_min, y_min < x_max"),
-     ({"mask_boxes_m": (1.0,)}, "4 numbers per box"),
+     ({"mask_boxes_m": (1.0,)}, "mask_boxes_m needs 4 numbers"),
      ({"last_beam_stamps": ("scam",)}, "last_beam_stamps names"),
      ({"empty_is_free": ("scan",)}, "empty_is_free names"),
      ({"frame_poses": (0, 0, 0, 0, 0, 180)}, "180 degrees are 3.142 rad")],
