@@ -29,7 +29,6 @@ from qpavoid.ros import messages, modes
 from qpavoid.ros.messages import UNREADABLE
 from qpavoid.ros.odometry import Odometry
 from qpavoid.ros.sensing import ORIGIN, Sensing
-from qpavoid.ros.tasks import LATEST, Tasks
 from qpavoid.ros.wiring import TF, GuardSetup, Wiring
 from qpavoid.settings import want
 from qpavoid.types import Array, Pose, Twist
@@ -98,6 +97,7 @@ class Guard:
         odometry: Pose history.
         sensing: Obstacles of all sensors.
         guide: Of the guide role, and of the mode ``teleop``.
+        tasks: Task of the guide role.
         errors: Last error by topic.
     """
 
@@ -112,7 +112,7 @@ class Guard:
         self.odometry = Odometry(setup.robot.limits)
         self.sensing = Sensing(setup, wiring, self.odometry, self._note)
         frames = self.sensing.frames
-        self._tasks = Tasks(frames, self.odometry, wiring.odom_frame)
+        self.tasks = modes.Tasks(frames, self.odometry, wiring.odom_frame)
         self._outline: Footprint | None = None
         if setup.perception.enabled and not wiring.odometry:
             self.errors["perception"] = NO_ODOMETRY
@@ -156,7 +156,7 @@ class Guard:
             keep = radius.r_min_slow + margins.error
             self._teleop = modes.Teleop(self.guide, setup.drive, keep)
         self.safety.reset(*self.driven)
-        self._tasks.renew()
+        self.tasks.use(self.guide, setup.drive.speed)
         self._fit(setup.robot)
 
     def _fit(self, robot: Robot) -> None:
@@ -246,34 +246,10 @@ class Guard:
         except UNREADABLE as error:
             self._note("footprint", str(error))
 
-    def task(self, kind: str, message: Any) -> str:
-        """Take a task of the guide role; return why it is refused, else nothing.
-
-        ``kind``: ``goal_pose``, ``path`` or ``stay``.
-        """
-        assert self.guide is not None
-        try:
-            self._tasks.take(self.guide, kind, message, self.setup.drive.speed)
-        except UNREADABLE as error:
-            self._note(kind, f"refused: {error}")
-            return str(error)
-        self._notes.pop(kind, None)
-        return ""
-
-    def rest(self) -> None:
-        """Replace the task by a stay at the present pose."""
-        self._tasks.rest()
-
-    @property
-    def left(self) -> tuple[float, float]:
-        """Distance to the end of the task, m and rad; NaN without a task."""
-        nothing = math.nan, math.nan
-        return nothing if self.guide is None else self._tasks.left(self.guide)
-
     @property
     def has_arrived(self) -> bool:
         """Whether the robot is at rest at the end of its task."""
-        (away, turn), twist = self.left, max(map(abs, self.driven))
+        (away, turn), twist = self.tasks.left, max(map(abs, self.driven))
         return away < AT_END[0] and turn < AT_END[1] and twist < STANDING_TWIST
 
     def command(self, message: Any, now: float, steady: float) -> None:
@@ -300,7 +276,8 @@ class Guard:
         faults = self.inputs.found(now, steady) | dict.fromkeys(
             self._jumps, Fault.JUMPED
         )
-        notes, self._jumps = self._notes | self._jumps, {}
+        notes = self._notes | self._jumps | self.tasks.refused
+        self._jumps = {}
         if driven is not None and not np.isfinite(driven).all():
             notes["driven"], driven = f"{driven} driven", None
             faults["driven"] = Fault.INVALID
@@ -364,8 +341,7 @@ class Guard:
         """Return the request as the mode changes it; None where the guide drives."""
         drive = self.setup.drive
         if self.wiring.role == "guide":
-            assert self.guide is not None
-            self._tasks.send(self.guide, drive.speed)
+            self.tasks.send()
             return None
         if drive.mode == "teleop":
             return self._teleop.step(asked, pose)
@@ -375,10 +351,12 @@ class Guard:
         if drive.mode != "dock":
             return asked
         try:
-            dock = relative(self._place_of(self.wiring.dock_frame, LATEST), pose)
+            dock = relative(self._place_of(self.wiring.dock_frame, modes.LATEST), pose)
         except InvalidInputError as error:
             return asked._replace(note=f"nothing is exempt: {error}")
-        return modes.docking(asked, dock, self.wiring.dock, drive.dock_speed)
+        region = self.wiring.dock
+        assert region is not None  # with its frame
+        return modes.docking(asked, dock, region, drive.dock_speed)
 
     def brake(self, why: str) -> GuardStep:
         """Return a step that brakes, for any inputs; the latch closes."""
@@ -388,7 +366,7 @@ class Guard:
 
     def stop(self) -> None:
         """Set the robot to standing still, without a task; the latch closes."""
-        self.rest()
+        self.tasks.rest()
         self.driven, self.inputs.latch = STANDSTILL, Latch(self.inputs.latch.steps)
         self.safety.reset()
 

@@ -94,7 +94,7 @@ def diagnose(
     if latency:
         p50, p99 = np.quantile(latency, (0.5, 0.99)).tolist()
         numbers |= {"latency_p50_s": p50, "latency_p99_s": p99}
-    numbers |= dict(zip(("left_m", "left_rad"), guard.left, strict=True))
+    numbers |= dict(zip(("left_m", "left_rad"), guard.tasks.left, strict=True))
     values |= {key: f"{number:.4g}" for key, number in numbers.items()}
     values |= {"arrived": str(guard.has_arrived), "role": guard.wiring.role}
     values |= {f"steps with {why}": str(n) for why, n in guard.inputs.faults.items()}

@@ -89,7 +89,7 @@ def test_a_goal_sent_again_every_second_is_reached_round_a_box():
     loop = guided([*ROOM, *BOX])
     loop.run(1.0)
     assert loop.world.pose[0] == -3.0, "without a task it stays"
-    given = loop.guard.task
+    given = loop.guard.tasks.take
     loop.run(25.0, lambda k: k % 20 or given("goal_pose", goal(loop.now, 3.0, 0.0)))
     assert loop.guard.has_arrived and loop.least.min() > 0.07
     assert max(off(loop, 3.0, 0.0)) < 0.06
@@ -110,7 +110,7 @@ def test_a_path_of_a_map_that_drifts_ends_with_its_heading():
         said = ros.Fields(transforms=[ros.link("map", "odom", place, time=loop.now)])
         loop.guard.transforms(said, loop.now, loop.now)
         if k % 20 == 0 and k > 20:
-            assert loop.guard.task("path", path(loop.now, places, "map")) == ""
+            assert loop.guard.tasks.take("path", path(loop.now, places, "map")) == ""
 
     loop.run(22.0, tells)
     x, y, heading = places[-1]
@@ -122,7 +122,7 @@ def test_a_path_of_a_map_that_drifts_ends_with_its_heading():
 def test_after_an_emergency_stop_it_starts_from_rest():
     loop = guided()
     loop.run(0.5)
-    loop.guard.task("goal_pose", goal(loop.now, 3.0, 0.0))
+    loop.guard.tasks.take("goal_pose", goal(loop.now, 3.0, 0.0))
     loop.run(4.0)
     assert loop.steps[-1].v > 0.4
     drive, loop.world.drive = loop.world.drive, lambda *_: drive(0.0, 0.0, DT)
@@ -136,7 +136,7 @@ def test_after_an_emergency_stop_it_starts_from_rest():
 def test_a_goal_in_a_closed_room_is_blocked_and_said():
     loop = guided([*ROOM, (0, -5, 0, 5)])
     loop.run(0.5)
-    loop.guard.task("goal_pose", goal(loop.now, 3.0, 0.0))
+    loop.guard.tasks.take("goal_pose", goal(loop.now, 3.0, 0.0))
     steps = loop.run(35.0)
     assert Status.BLOCKED in [step.decision.status for step in steps]
     assert not loop.guard.has_arrived and loop.least.min() > 0.07
@@ -355,13 +355,13 @@ def test_wiring_of_roles_that_is_wrong_is_named(wiring, said):
 def test_a_path_that_is_none_is_refused_and_the_last_one_kept(spoil, said):
     loop = guided()
     message = path(loop.now, [(0.0, 0.0, 0.0)])
-    assert "no odometry yet" in loop.guard.task("path", message)
+    assert "no odometry yet" in loop.guard.tasks.take("path", message)
     loop.run(0.5)
     places = [(-3.0 + 0.2 * k, 0.0, 0.0) for k in range(10)]
-    assert loop.guard.task("path", path(loop.now, places)) == ""
+    assert loop.guard.tasks.take("path", path(loop.now, places)) == ""
     message = path(loop.now, places)
     spoil(message)
-    refused = loop.guard.task("path", message)
+    refused = loop.guard.tasks.take("path", message)
     assert refused and said in refused and "path: refused" in loop.step().sentence
     loop.run(6.0)
     assert max(off(loop, -1.2, 0.0)) < 0.08
