@@ -367,6 +367,7 @@ class Guard:
     def stop(self) -> None:
         """Set the robot to standing still, without a task; the latch closes."""
         self.tasks.rest()
+        self.inputs.last = None
         self.driven, self.inputs.latch = STANDSTILL, Latch(self.inputs.latch.steps)
         self.safety.reset()
 

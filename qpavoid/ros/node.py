@@ -2,7 +2,7 @@
 
 Role ``filter``: ``cmd_vel_in`` → ``cmd_vel_out``. Role ``guide``: ``goal_pose``,
 ``path``, ``stay``, and with nav2_msgs the action ``follow_path`` → ``cmd_vel_out`` and
-``blocked``. Sensors are named by :class:`qpavoid.ros.guard.Wiring`; an Empty on
+``blocked``. Sensors are named by :class:`qpavoid.ros.wiring.Wiring`; an Empty on
 ``~/acknowledge`` opens the latch. Outputs: ``~/feedback``, ``~/bounds`` (points that
 bound the twist), ``~/markers``, ``~/local_map``, ``~/latency`` (s, from the arrival of
 a scan to the twist), ``/diagnostics``.
