@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 import pytest
+import ros_guards
+from ros_guards import AT_ONCE, DT
 
 import ros_messages as ros
 from driven import driven_to
@@ -11,22 +13,19 @@ from qpavoid.avoidance.inputs import Fault
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.ros.guard import NO_ODOMETRY, Guard
-from qpavoid.ros.parameters import defaults, preset, setup_of
+from qpavoid.ros.guard import NO_ODOMETRY
 from qpavoid.ros.report import markers
-from qpavoid.ros.wiring import Wiring
 
-DT, BEAMS = 0.05, 360
+BEAMS = 360
 ROOM = [(-4, -3, 6, -3), (6, -3, 6, 3), (6, 3, -4, 3), (-4, 3, -4, -3)]
 MOUNTS = {"scan": (0.35, 0.0, 0.0), "back": (-0.35, 0.0, math.pi)}
 
 
 def guarded(changed=(), **wiring):
-    robot = preset("mir100_rectangle")
     poses = [(x, y, 0.2, 0.0, 0.0, yaw) for x, y, yaw in MOUNTS.values()]
     known = {"frames": tuple(MOUNTS), "frame_poses": tuple(np.ravel(poses))}
-    values = defaults(robot) | {"freshness.good_s": 0.0, "freshness.points_s": 0.3}
-    return Guard(setup_of(values | dict(changed), robot, DT), Wiring(**known | wiring))
+    values = AT_ONCE | {"freshness.points_s": 0.3} | dict(changed)
+    return ros_guards.guarded(values, **known | wiring)
 
 
 def beam_first(ranges, time, name):

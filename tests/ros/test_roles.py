@@ -4,36 +4,25 @@ import math
 
 import numpy as np
 import pytest
+from ros_guards import DT, LASER, R_MIN, SMALL, setup
 from ros_world import World
 
 import ros_messages as ros
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.inputs import Fault
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.footprint import Footprint
 from qpavoid.ros.guard import Guard
-from qpavoid.ros.parameters import defaults, preset, setup_of
 from qpavoid.ros.wiring import Wiring
 
-DT, BEAMS, R_MIN = 0.05, 360, 0.1
+BEAMS = 360
 ROOM = [(-5, -5, 5, -5), (5, -5, 5, 5), (5, 5, -5, 5), (-5, 5, -5, -5)]
-VALUES = {"robot.footprint_m": Footprint.rectangle(0.5, 0.4).vertices.ravel().tolist(),
-          "robot.acceleration_mps2": 1.5, "radius.r_min_slow_m": R_MIN,
-          "radius.r_min_fast_m": R_MIN, "freshness.good_s": 0.0}  # fmt: skip
-
-
-def setup(**changed):
-    given = {name.replace("__", "."): value for name, value in changed.items()}
-    robot = preset("mir100_rectangle")
-    return setup_of(defaults(robot) | VALUES | given, robot, DT)
 
 
 class Loop:
     """A guard and its world; ``command`` and what tf says may change at any step."""
 
     def __init__(self, world, wiring=(), **changed):
-        known = {"frames": ("laser",), "frame_poses": (0.0,) * 6}
-        self.guard = Guard(setup(**changed), Wiring(**(known | dict(wiring))))
+        self.guard = Guard(setup(SMALL, **changed), Wiring(**(LASER | dict(wiring))))
         self.world, self.rng, self.steps = world, np.random.default_rng(5), []
         self.now, self.command, self.least = 100.0, None, math.inf
         self.off, self.slack = (0.0, 0.0, 0.0), np.inf
@@ -272,7 +261,7 @@ def test_a_footprint_that_is_published_counts_and_a_wrong_one_does_not():
     placed = clockwise @ [[c, s], [-s, c]] + loop.guard.odometry.trail.at(loop.now)[:2]
     loop.guard.outline(polygon(placed, "odom"))
     assert loop.guard.setup.robot.footprint.vertices is known, "the same, in odom"
-    loop.guard.change(setup())
+    loop.guard.change(setup(SMALL))
     assert loop.guard.setup.robot.footprint.vertices is known, "settings leave it"
     crossed = [(0.6, 0.3), (-0.4, -0.3), (0.6, -0.3), (-0.4, 0.4)]
     loop.guard.outline(polygon(crossed, "base_link"))
