@@ -291,7 +291,7 @@ class Guard:
         if step.decision is None:
             step = self._braked(step, self._known(now, faults))
         self.driven = step.v, step.omega
-        self.sensing.has_driven |= self.driven != STANDSTILL
+        self.sensing.drives(*self.driven)
         if not self.wiring.odometry:
             trail = self.odometry.trail
             trail.record(now, trail.at(now), self.driven)
@@ -305,8 +305,7 @@ class Guard:
         for topic in sorted(self._unread, key=lambda name: watches[name].stamp):
             message, arrival = self._unread.pop(topic)
             try:
-                known = arrival, self.driven, posed
-                blind = self.sensing.read(topic, message, *known)
+                blind = self.sensing.read(topic, message, arrival, posed)
             except UNREADABLE as error:
                 self._judge(topic, Fault.INVALID, error)
             else:

@@ -18,7 +18,7 @@ from qpavoid.ros.messages import READERS, Fan, Poses, Sight, Tracks
 from qpavoid.ros.odometry import Odometry
 from qpavoid.ros.perceiver import Perceiver
 from qpavoid.ros.wiring import GuardSetup, Wiring
-from qpavoid.types import Array, Pose, Twist
+from qpavoid.types import Array, Pose
 
 ORIGIN: Pose = (0.0, 0.0, 0.0)
 
@@ -49,7 +49,6 @@ class Sensing:
         frames: Frames by tf.
         perceiver: Map and tracks of scans and clouds.
         stamps: s; of the measurements in use, by topic.
-        has_driven: Whether the robot has driven; its own points are learnt before.
     """
 
     def __init__(
@@ -67,7 +66,8 @@ class Sensing:
         self._ground, self._unknown = dict[str, Array](), dict[str, Array]()
         self._scanned = dict[str, tuple[Array, Pose]]()
         self._tracked = NO_OBSTACLES
-        self.stamps, self.has_driven = dict[str, float](), False
+        self.stamps, self._driven = dict[str, float](), (0.0, 0.0)
+        self._has_driven = False
         self.perceiver = Perceiver(setup.robot, setup.perception)
 
     def fit(self, setup: GuardSetup) -> None:
@@ -77,16 +77,18 @@ class Sensing:
         if not same or before.settings != setup.perception:
             self.perceiver = Perceiver(setup.robot, setup.perception)
 
-    def read(
-        self, topic: str, message: Any, now: float, driven: Twist, posed: bool
-    ) -> str:
+    def drives(self, v: float, omega: float) -> None:
+        """Register the twist of a step; the robot's own points are learnt before."""
+        self._driven = v, omega
+        self._has_driven |= self._driven != (0.0, 0.0)
+
+    def read(self, topic: str, message: Any, now: float, posed: bool) -> str:
         """Decode a message; return why it is blind, or an empty string.
 
         Args:
             topic: Of the message.
             message: Of the type of its topic.
             now: Time of its arrival, s.
-            driven: (v, ω) of the robot.
             posed: Whether odometry is valid.
 
         Raises:
@@ -102,7 +104,7 @@ class Sensing:
             self._tracked = self._tracks(seen)
         else:
             seen = self._begun(topic, seen, now)
-            blind = self._look(topic, seen, driven, posed)
+            blind = self._look(topic, seen, posed)
         if not blind:
             self.stamps[topic] = seen.stamp
         return blind
@@ -144,7 +146,7 @@ class Sensing:
             latest = seen.stamp - seen.fan.span
         return seen._replace(stamp=min(seen.stamp, latest))
 
-    def _look(self, topic: str, seen: Sight, driven: Twist, posed: bool) -> str:
+    def _look(self, topic: str, seen: Sight, posed: bool) -> str:
         """Store the echoes of a sensor, and enter them into the map; see :meth:`read`.
 
         Learns and removes the robot's own points, marks unknown sectors. Beams that end
@@ -161,13 +163,13 @@ class Sensing:
         why = self._frozen(topic, seen, posed)
         if not why and (seen.stuck or valid < self._setup.freshness.valid):
             why = f"{valid:.0%} valid"
-        learns = not why and not self.has_driven
+        learns = not why and not self._has_driven
         if learns and self._own[topic].messages < mask.RECORDED:
             sensor = place.translation[:2]
             self._own[topic].learn(flat[near], sensor, fan is not None)
             own = self._is_own(topic, flat, near)
         if fan is not None:
-            self._mark(topic, seen, fan, place, driven)
+            self._mark(topic, seen, fan, place)
             fan.ranges[np.flatnonzero(np.isfinite(fan.ranges))[own | inside]] = np.nan
         if (inside & ~own).any():
             self._note(topic, "a point has entered the outline")
@@ -199,9 +201,7 @@ class Sensing:
         repeats = moved and np.isfinite(ranges).sum() >= FROZEN_BEAMS
         return "the ranges repeat while the robot moves" if repeats else ""
 
-    def _mark(
-        self, topic: str, seen: Sight, fan: Fan, place: Transform, driven: Twist
-    ) -> None:
+    def _mark(self, topic: str, seen: Sight, fan: Fan, place: Transform) -> None:
         """Bound the unknown sectors of a scan by static points on the ground.
 
         Points seen there last, and the border of the stopping distance. Each is removed
@@ -214,7 +214,7 @@ class Sensing:
             return
         before = np.vstack([before, self._ground.get(topic, NO_POINTS)])
         footprint = self._setup.robot.footprint
-        pose, away = self._odometry.trail.at(seen.stamp), self._away(driven[0])
+        pose, away = self._odometry.trail.at(seen.stamp), self._away
         known = to_world(before, relative(pose, ORIGIN))
         kept = np.hypot(*known.T) < footprint.circumradius + away + AROUND
         kept &= mask.hidden(known, fan, beams, place)
@@ -228,12 +228,10 @@ class Sensing:
         said = f"some {width:.0f} degrees are unknown, as at {round(bearing, -1):g}"
         self._note(topic, said)
 
-    def _away(self, v: float) -> float:
-        """Return the distance of a border from the outline, m: required, and to stop.
-
-        ``v``: speed of the robot, m/s.
-        """
-        s, speed = self._setup.settings, abs(v)
+    @property
+    def _away(self) -> float:
+        """Distance of a border from the outline, m: required, and to stop."""
+        s, speed = self._setup.settings, abs(self._driven[0])
         kept = s.radius.r_min_slow + s.margins.error
         way = speed * (s.dt + s.actuation.delay)
         way += 0.5 * speed * speed / self._setup.robot.limits.acceleration
