@@ -372,3 +372,16 @@ def test_a_mover_of_old_data_is_avoided_earlier_than_one_of_fresh_data():
 
     for away in (1.0, 1.2, 1.4):
         assert given(0.5, away) < given(0.2, away) - 0.01 < -0.2
+
+
+@pytest.mark.parametrize("role", ["filter", "guide"])
+def test_tracks_beyond_numbers_are_a_fault_of_their_topic(role):
+    loop = Loop(World(ROOM), {"role": role, "tracks": "people"})
+    near = (3.0, 0.0, 0.3, 0.0, 0.0)
+    for k in range(30):
+        now, disc = loop.now + DT, (1e300, 1e300, 0.3, 0.0, 0.0) if k == 20 else near
+        loop.guard.see("people", ros.tracks(now, [disc], kind="f8"), now, now)
+        step = loop.step()
+        assert (step.decision is None) == (k == 20)
+        if k == 20:
+            assert step.faults == {"people": Fault.INVALID} and step.notes["people"]
