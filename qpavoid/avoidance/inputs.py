@@ -145,11 +145,6 @@ class InputWatch:
         self._content = fault
         return fault
 
-    @property
-    def is_blind(self) -> bool:
-        """Whether the newest message was judged blind."""
-        return self._content is Fault.BLIND
-
     def _refuse(self, fault: Fault) -> Fault:
         self.refused[fault] += 1
         self._last = fault
@@ -380,8 +375,9 @@ class InputMonitor:
         return {k: x for k, x in all_of if x is not None and k in self.awaited}
 
     def ages(self, now: float, steady: float) -> dict[str, float]:
-        """Return the ages of all inputs, s; ``inf``: never seen."""
-        return {name: watch.age(now, steady) for name, watch in self.watches.items()}
+        """Return the ages of the awaited inputs, s; ``inf``: never seen."""
+        all_of = self.watches.items()
+        return {k: x.age(now, steady) for k, x in all_of if k in self.awaited}
 
     def allows(self, faults: Mapping[str, Fault]) -> bool:
         """Register the faults of a step; return whether the robot may drive."""

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.decision import Decision, Status
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.inputs import Stamps, as_driven, caught
+from qpavoid.avoidance.inputs import Freshness, Stamps, as_driven, caught
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.guide.headway import AT_GOAL, Headway, lengths, moves_near, start_row
@@ -185,6 +185,7 @@ class Guide:
         settings: Of the filter; its ``dt`` is the control step.
         guide: Of the candidates, and of stall and block.
         perception: Of scans; default one LiDAR all round, at the first scan.
+        freshness: Greatest ages of the inputs of :meth:`step`, and when a fault ends.
 
     Attributes:
         robot: Footprint and limits.
@@ -197,12 +198,13 @@ class Guide:
         settings: AvoidanceSettings | None = None,
         guide: GuideSettings | None = None,
         perception: Perception | None = None,
+        freshness: Freshness | None = None,
     ) -> None:
         self.robot = robot
         self.settings = settings if settings is not None else AvoidanceSettings()
         self._sight = Sight(robot, perception, self.settings.dt)
         self._guide, self._limits = guide or GuideSettings(), robot.limit_vector
-        self._safety = SafetyFilter(robot, self.settings)
+        self._safety = SafetyFilter(robot, self.settings, freshness=freshness)
         self._rest = Rest(robot.limits, self.settings.dt)
         self._driven, self._clearance = (0.0, 0.0), math.inf
         self._pose: Pose | None = None

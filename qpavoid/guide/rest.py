@@ -62,7 +62,7 @@ def beyond_band(v: float, omega: float, limits: Limits) -> Twist:
     return v, omega
 
 
-STRIDE = 0.01
+CHECKED_WAY = 0.01
 """m; greatest way between two checks of an area within a control step."""
 
 
@@ -104,7 +104,7 @@ class Bounds(NamedTuple):
         """
         most = self.beyond(*pose[:2]) + EXACT
         while twist != (0.0, 0.0):
-            many = max(1, math.ceil(abs(twist[0]) * dt / STRIDE))
+            many = max(1, math.ceil(abs(twist[0]) * dt / CHECKED_WAY))
             for k in range(1, many + 1):
                 if self.beyond(*arc(*pose, *twist, dt * k / many)[:2]) > most:
                     return True

@@ -50,7 +50,7 @@ class FollowPathServer:
         """Follow the path of a goal until it ends."""
         self.end("replaced")
         result = self._kind.Result()
-        refused = self._guard.task("path", goal.request.path)
+        refused = self._guard.tasks.take("path", goal.request.path)
         if refused:
             self._node.get_logger().warning(f"follow_path is refused: {refused}")
             self._say(result, "INVALID_PATH", refused)
@@ -66,7 +66,7 @@ class FollowPathServer:
             self._say(result, "FAILED_TO_MAKE_PROGRESS", why)
             goal.abort()
         if why in ("canceled", "blocked"):
-            self._guard.rest()
+            self._guard.tasks.rest()
         return result
 
     def step(self, step: GuardStep) -> None:
@@ -81,7 +81,7 @@ class FollowPathServer:
             self._end.set_result("blocked")
         else:
             feedback = self._kind.Feedback(speed=float(step.v))
-            feedback.distance_to_goal = float(self._guard.left[0])
+            feedback.distance_to_goal = float(self._guard.tasks.left[0])
             self._goal.publish_feedback(feedback)
 
     def end(self, why: str) -> None:

@@ -7,16 +7,16 @@ not used, so that bags are processed like live messages.
 
 import math
 from bisect import bisect_right
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.transform import Transform
-from qpavoid.ros.messages import seconds
+from qpavoid.ros.messages import Poses, seconds
 from qpavoid.settings import want
-from qpavoid.types import Array
+from qpavoid.types import Array, Pose
 
 MEMORY, STAMPS = 10.0, 2000
 """s for which a moving frame is stored, as by tf2; and greatest number of stamps."""
@@ -48,16 +48,17 @@ class Frames:
     A transform that is not finite, or whose quaternion is 0, is left out, as by tf2.
 
     Args:
-        errors: Such transforms are reported here, under ``tf``.
+        note: Function that registers such transforms, under ``tf``.
         named: Other known frames, for error messages.
     """
 
     def __init__(
-        self, errors: dict[str, str] | None = None, named: Iterable[str] = ()
+        self,
+        note: Callable[[str, str], None] = lambda *_: None,
+        named: Iterable[str] = (),
     ) -> None:
-        self._links: dict[str, Link] = {}
-        self._errors, self._named = {} if errors is None else errors, [*named]
-        self._refused: dict[str, str] = {}
+        self._links, self._refused = dict[str, Link](), dict[str, str]()
+        self._note, self._named = note, [*named]
 
     def add(self, message: Any, fixed: bool = False) -> None:
         """Add a ``tf2_msgs/TFMessage``, ``fixed`` if from ``/tf_static``."""
@@ -68,7 +69,7 @@ class Frames:
                 place = _place(one.transform)
             except InvalidInputError as error:
                 self._refused[name] = f"the transform of {name!r} is left out: {error}"
-                self._errors["tf"] = self._refused[name]
+                self._note("tf", self._refused[name])
                 continue
             self._refused.pop(name, None)
             self._record(name, parent, time, place)
@@ -105,6 +106,21 @@ class Frames:
         rotation = here.rotation.T @ there.rotation
         lever = there.translation - here.translation
         return Transform(rotation, here.rotation.T @ lever)
+
+    def poses_in(self, base: str, seen: Poses) -> Array:
+        """Return poses (n, 3) in the frame ``base``; errors as of :meth:`find`."""
+        if seen.frame == base:
+            return seen.poses
+        place = self.find(base, seen.frame, seen.stamp)
+        flat = np.column_stack([seen.poses[:, :2], np.zeros(len(seen.poses))])
+        turn = math.atan2(place.rotation[1, 0], place.rotation[0, 0])
+        return np.column_stack([place.apply(flat)[:, :2], seen.poses[:, 2] + turn])
+
+    def pose_of(self, frame: str, base: str, time: float) -> Pose:
+        """Return the pose of a frame in the frame ``base``; see :meth:`find`."""
+        seen = Poses(time, frame, np.zeros((1, 3)))
+        x, y, heading = self.poses_in(base, seen)[0].tolist()
+        return x, y, heading
 
     def mover(self, base: str) -> str:
         """Return the first frame from a base upwards that moves on its parent."""

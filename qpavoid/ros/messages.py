@@ -12,6 +12,7 @@ over ground, in the axes of its frame), one point per disc.
 """
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,6 +47,9 @@ RANGE_ROUNDING = 1e-6
 
 MOST_ENDS_OFF = 1.5
 """Tolerance of angle_max in increments: drivers count n or n − 1 of them."""
+
+UNREADABLE = ValueError, TypeError, AttributeError, OverflowError
+"""Exceptions of reading a message that does not match its type."""
 
 MOST_SPAN, MOST_TURNS = 1.0, 2.0
 """Greatest time from the first beam to the last: s, and multiples of scan_time."""
@@ -313,3 +317,12 @@ def read_twist(message: Any) -> Twist:
 
 def _header(message: Any) -> tuple[float, str]:
     return seconds(message.header.stamp), str(message.header.frame_id)
+
+
+READERS: dict[str, Callable[[Any], Sight | Tracks | Poses]] = {
+    "scan": read_scan,
+    "cloud": read_cloud,
+    "tracks": read_tracks,
+    "costmap": read_grid,
+}
+"""Functions from messages with obstacles to values, by kind of topic."""

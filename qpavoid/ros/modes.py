@@ -1,4 +1,4 @@
-"""Modes of the filter role: command and obstacles, changed before the filter step.
+"""Tasks of the guide role; modes of the filter role, which change its inputs.
 
 - ``command``: nothing is changed.
 - ``teleop``: where the way ahead is not free, the guide follows a line in the
@@ -9,17 +9,21 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
+from qpavoid.guide.guide import Guide
 from qpavoid.model.capsules import RADIUS, X1, Y2
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Footprint
-from qpavoid.model.kinematics import TINY, to_world
+from qpavoid.model.kinematics import TINY, to_world, wrap_angle
 from qpavoid.model.obstacles import Obstacles
+from qpavoid.ros.frames import Frames
 from qpavoid.ros.mask import within
-from qpavoid.settings import POSITIVE, Range, check
+from qpavoid.ros.messages import UNREADABLE, Poses, read_poses
+from qpavoid.ros.odometry import Odometry
+from qpavoid.settings import POSITIVE, Range, check, want
 from qpavoid.types import Array, Pose, Twist
 
 LOST_AFTER, PLACED, IN_FRONT = 1.0, 0.6, math.radians(60.0)
@@ -30,9 +34,21 @@ LINE = 3.0
 AHEAD = np.array([(0.0, 0.0), (LINE, 0.0)])
 """m; length of the way ahead in ``teleop``, and its ends in the robot frame."""
 
+LEAST_STRAIGHT, ANEW, BACK_GAIN = 0.05, 0.25, 1.5
+"""m/s and rad/s, above and below which an operator drives straight ahead; m or m/s of
+change with which the line in that direction is drawn again; 1/s, return to it."""
+
 FOLLOW_TIME, LEAST_AHEAD = 1.0, 0.2
 """s, in which an error of the followed distance is reduced; least cosine of the
 person's bearing."""
+
+
+LATEST = math.inf
+"""s; time of the newest transform."""
+
+PARKS_WITHIN, GOAL_MOVED = 0.1, 0.02
+"""m: distance of a path's end from which on the robot parks there; motion on the ground
+(m or rad) with which a task is given again."""
 
 
 @dataclass(frozen=True)
@@ -73,9 +89,7 @@ def middles(seen: Obstacles) -> Array:
     return np.vstack([seen.points, 0.5 * (ends[:, :2] + ends[:, 2:])])
 
 
-def docking(
-    asked: Request, at: Pose, region: Footprint | None, speed: float
-) -> Request:
+def docking(asked: Request, at: Pose, region: Footprint, speed: float) -> Request:
     """Return a request without the static obstacles in the region of a dock.
 
     Args:
@@ -86,11 +100,7 @@ def docking(
     """
     (v, omega), seen, _ = asked
     places, count = to_world(middles(seen), at), len(seen.points)
-    inside = (
-        np.zeros(len(places), np.bool_)
-        if region is None
-        else within(region, places, 0.0)
-    )
+    inside = within(region, places, 0.0)
     kept = ~inside[count:] | (seen.speeds > TINY)
     rest = Obstacles.of(seen.points[~inside[:count]], seen.capsules[kept])
     note = f"{inside[:count].sum()} points in the dock are exempt"
@@ -109,6 +119,127 @@ def is_free(seen: Obstacles, footprint: Footprint, turn: float, keep: float) -> 
     moves = np.append(np.zeros(count, dtype=np.bool_), seen.speeds > TINY)
     near = (x > 0.0) & (np.hypot(x, y) < front + LINE)
     return not bool((near & (moves | (np.abs(y) < wide))).any())
+
+
+class Tasks:
+    """Task of the guide role, given again after it has moved on the ground.
+
+    Without a task the robot stays where it is.
+
+    Args:
+        frames: Frames by tf.
+        odometry: Pose history of the robot.
+        frame: Of odometry.
+
+    Attributes:
+        refused: Reason why the newest task of a kind is refused.
+    """
+
+    def __init__(self, frames: Frames, odometry: Odometry, frame: str) -> None:
+        self._frames, self._odometry, self._frame = frames, odometry, frame
+        self._task: tuple[str, Poses] | None = None
+        self._sent: Array | None = None
+        self.refused: dict[str, str] = {}
+
+    def use(self, guide: Guide | None, speed: float) -> None:
+        """Give the task to another guide, with another greatest speed, m/s."""
+        self._guide, self._speed, self._sent = guide, speed, None
+
+    def take(self, kind: str, message: Any) -> str:
+        """Take a task; return why it is refused and the last one kept, else nothing.
+
+        Args:
+            kind: ``goal_pose``, ``path`` or ``stay``.
+            message: PoseStamped or Path.
+        """
+        before, self._sent = self._task, None
+        try:
+            self._task = kind, read_poses(message)
+            self.send()
+        except UNREADABLE as error:
+            self._task, self.refused[kind] = before, f"refused: {error}"
+            return str(error)
+        self.refused.pop(kind, None)
+        return ""
+
+    def rest(self) -> None:
+        """Replace the task by a stay at the present pose."""
+        self._task = self._sent = None
+
+    def send(self) -> None:
+        """Give the task to the guide if it is new, or has moved on the ground.
+
+        Raises:
+            InvalidInputError: There is no odometry yet, or no guide; or the frame of
+                the task is unknown, or the guide rejects it.
+        """
+        pose, guide = self._odometry.pose, self._guide
+        want(pose is not None, "there is no odometry yet")
+        want(guide is not None, "the role is not guide")
+        assert pose is not None and guide is not None
+        here = Poses(0.0, self._frame, np.array([pose]))
+        self._task = kind, known = self._task or ("stay", here)
+        rows = self._frames.poses_in(self._frame, known._replace(stamp=LATEST))
+        x, y, heading = rows[-1].tolist()
+        near = math.dist(pose[:2], (x, y)) < PARKS_WITHIN
+        rows = rows if kind == "path" and not near else rows[-1:]
+        old = self._sent
+        if old is not None and old.shape == rows.shape:
+            if np.abs(rows - old).max() < GOAL_MOVED:
+                return
+        if len(rows) > 1:
+            guide.follow(rows[:, :2], self._speed)
+        elif kind == "goal_pose":
+            guide.go_to(pose, (x, y, heading), self._speed)
+        else:
+            guide.stay((x, y, heading))
+        self._sent = rows
+
+    @property
+    def left(self) -> tuple[float, float]:
+        """Distance to the end of the task, m and rad; NaN without one."""
+        pose, guide = self._odometry.pose, self._guide
+        if self._sent is None or guide is None or pose is None:
+            return math.nan, math.nan
+        return guide.left(pose)
+
+
+class Teleop:
+    """Assistance of an operator who drives straight ahead.
+
+    Args:
+        guide: Of the robot.
+        drive: Settings.
+        keep: Required distance, m.
+    """
+
+    def __init__(self, guide: Guide, drive: DriveSettings, keep: float) -> None:
+        self._guide, self._drive, self._keep = guide, drive, keep
+        self._heading, self._drawn = math.nan, np.full(3, math.inf)
+
+    def step(self, asked: Request, pose: Pose) -> Request | None:
+        """Return the changed command; None where the guide is to drive.
+
+        That is where the way in the operator's direction is not free, along a line from
+        the robot. ``pose``: of the robot, odometry frame.
+        """
+        (v, omega), (x, y, heading) = asked.desired, pose
+        if v < LEAST_STRAIGHT or abs(omega) > LEAST_STRAIGHT:
+            self._heading = math.nan
+            return asked
+        if math.isnan(self._heading):
+            self._heading, self._drawn = heading, np.full(3, math.inf)
+        off = wrap_angle(self._heading - heading)
+        free = is_free(asked.obstacles, self._guide.footprint, off, self._keep)
+        if free or abs(off) > self._drive.turn:
+            self._drawn = np.full(3, math.inf)
+            back = (v, BACK_GAIN * off) if free else (0.0, 0.0)
+            return asked._replace(desired=back)
+        now = np.array([x, y, v])
+        if np.abs(now - self._drawn).max() > ANEW:
+            self._guide.follow(to_world(AHEAD, (x, y, self._heading)), v)
+            self._drawn = now
+        return None
 
 
 class Follow:

@@ -2,7 +2,7 @@
 
 Role ``filter``: ``cmd_vel_in`` → ``cmd_vel_out``. Role ``guide``: ``goal_pose``,
 ``path``, ``stay``, and with nav2_msgs the action ``follow_path`` → ``cmd_vel_out`` and
-``blocked``. Sensors are named by :class:`qpavoid.ros.guard.Wiring`; an Empty on
+``blocked``. Sensors are named by :class:`qpavoid.ros.wiring.Wiring`; an Empty on
 ``~/acknowledge`` opens the latch. Outputs: ``~/feedback``, ``~/bounds`` (points that
 bound the twist), ``~/markers``, ``~/local_map``, ``~/latency`` (s, from the arrival of
 a scan to the twist), ``/diagnostics``.
@@ -50,10 +50,11 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.errors import QPAvoidError
 from qpavoid.model.trail import relative
 from qpavoid.ros.follow_path import FollowPathServer
-from qpavoid.ros.guard import TF, Guard, GuardStep, Wiring
+from qpavoid.ros.guard import Guard, GuardStep
 from qpavoid.ros.messages import NANOSECOND
 from qpavoid.ros.parameters import SHAPE, Running, defaults, preset, setup_of
 from qpavoid.ros.report import Drawing, bounds, diagnose, markers, warm
+from qpavoid.ros.wiring import TF, Wiring
 from qpavoid.types import Pair
 
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -79,11 +80,16 @@ OUTPUTS = {
 }
 """Topics of both roles."""
 
-SUCCESS, STRIP, LINES = (
-    TransitionCallbackReturn.SUCCESS,
-    Marker.LINE_STRIP,
-    Marker.LINE_LIST,
-)
+KINDS = {
+    "scan": LaserScan,
+    "cloud": PointCloud2,
+    "tracks": PointCloud2,
+    "costmap": OccupancyGrid,
+    "odometry": Odometry,
+}
+"""Types of inputs, by kind of topic."""
+
+SUCCESS = TransitionCallbackReturn.SUCCESS
 
 
 class SafetyNode(LifecycleNode):  # type: ignore[misc]
@@ -160,25 +166,22 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         self._guard, wiring = guard, self._wiring
         if "perception" in guard.errors:
             self.get_logger().warning(guard.errors["perception"])
-        self._kind = TwistStamped if self._run.stamped else Twist
-        kinds = dict.fromkeys(wiring.scans, LaserScan) | {wiring.odometry: Odometry}
-        kinds[wiring.costmap] = OccupancyGrid
-        for name in wiring.topics:
-            kind, call = kinds.get(name, PointCloud2), partial(self._on_input, name)
+        twist = TwistStamped if self._run.stamped else Twist
+        for name, kind in wiring.topics.items():
             if name != TF:
-                self._hear(kind, name, call, NEWEST)
-        self._hear(Empty, "~/acknowledge", lambda _: guard.latch.acknowledge())
+                self._hear(KINDS[kind], name, partial(self._on_input, name), NEWEST)
+        self._hear(Empty, "~/acknowledge", lambda _: guard.inputs.latch.acknowledge())
         if wiring.footprint:
             self._hear(PolygonStamped, wiring.footprint, guard.outline)
-        said = {"cmd_vel_out": self._kind, **OUTPUTS}
+        said = {"cmd_vel_out": twist, **OUTPUTS}
         if wiring.role == "guide":
             said["blocked"] = Bool
-            for name, kind in TASKS.items():
-                self._hear(kind, name, partial(self._on_task, name))
+            for name, task in TASKS.items():
+                self._hear(task, name, partial(self._on_task, name))
             self._action = FollowPathServer.of(self, guard)
         else:
             take = lambda m: guard.command(m, *self._now())  # noqa: E731
-            self._hear(self._kind, "cmd_vel_in", take)
+            self._hear(twist, "cmd_vel_in", take)
         self._said = {k: self.create_publisher(x, k, 1) for k, x in said.items()}
         return SUCCESS
 
@@ -189,7 +192,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         """Give a task to the guide; a refused one is logged."""
         guard, refused = self._guard, "the node is not active"
         if guard is not None and self.is_active:
-            refused = guard.task(kind, message)
+            refused = guard.tasks.take(kind, message)
         if refused:
             self.get_logger().warning(f"{kind} is refused: {refused}")
 
@@ -199,7 +202,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
 
         moved = lambda m: guard.transforms(m, *self._now())  # noqa: E731
         self._hear(TFMessage, TF, moved, MANY)
-        fixed = partial(guard.frames.add, fixed=True)
+        fixed = partial(guard.sensing.frames.add, fixed=True)
         self._hear(TFMessage, "/tf_static", fixed, LATCHED)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -266,7 +269,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             return
         self._due = steady + self._run.dt_s
         measured = self._run.driven_from_odometry or guard.wiring.role == "guide"
-        driven = guard.trail.twist if measured else None
+        driven = guard.odometry.trail.twist if measured else None
         try:
             step = guard.step(now, steady, driven)
         except Exception as error:
@@ -289,8 +292,8 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             self._drawn = steady
             self._show(guard, step)
         if news or steady - self._told >= DIAGNOSTICS_EVERY:
-            message = DiagnosticArray(status=[self._status(guard, step, steady)])
-            message.header.stamp = self.get_clock().now().to_msg()
+            status = self._status(guard, step, steady)
+            message = self._on_base(DiagnosticArray(status=[status]))
             self._said["/diagnostics"].publish(message)
             self._told, self._steps = steady, 0
 
@@ -306,9 +309,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             status = self._status(guard, step, self._now()[1])
             self._said["~/feedback"].publish(status)
         if "~/bounds" in heard:
-            found = PoseArray()
-            found.header.frame_id = self._wiring.base_frame
-            found.header.stamp = self.get_clock().now().to_msg()
+            found = self._on_base(PoseArray())
             for x, y in bounds(guard.setup.robot.footprint, step).end.tolist():
                 found.poses.append(Pose())
                 found.poses[-1].position = Point(x=x, y=y)
@@ -316,30 +317,29 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
 
     def _publish_map(self, guard: Guard) -> None:
         """Publish the local map, on the base at the last scan."""
-        known = guard.perceiver.explain()
+        known = guard.sensing.perceiver.explain()
         if known is None:
             return
-        grid = OccupancyGrid(data=array("b", known.grid.tobytes()))
-        grid.header.frame_id = self._wiring.base_frame
-        grid.header.stamp = self.get_clock().now().to_msg()
+        grid = self._on_base(OccupancyGrid(data=array("b", known.grid.tobytes())))
         grid.info.height, grid.info.width = known.grid.shape
         grid.info.resolution = known.resolution
         x, y, heading = relative(known.pose, (*known.origin, 0.0))
-        corner = grid.info.origin
+        corner, half = grid.info.origin, 0.5 * heading
         corner.position.x, corner.position.y = x, y
-        corner.orientation.z, corner.orientation.w = (
-            math.sin(0.5 * heading),
-            math.cos(0.5 * heading),
-        )
+        corner.orientation.z, corner.orientation.w = math.sin(half), math.cos(half)
         self._said["~/local_map"].publish(grid)
+
+    def _on_base(self, message: Any) -> Any:
+        """Return a message with the header of the base frame and the present time."""
+        message.header.frame_id = self._wiring.base_frame
+        message.header.stamp = self.get_clock().now().to_msg()
+        return message
 
     def _give(self, v: float, omega: float) -> None:
         """Publish a twist."""
-        message = self._kind()
-        twist = message.twist if self._run.stamped else message
-        if self._run.stamped:
-            message.header.stamp = self.get_clock().now().to_msg()
-            message.header.frame_id = self._wiring.base_frame
+        stamped = self._run.stamped
+        message = self._on_base(TwistStamped()) if stamped else Twist()
+        twist = message.twist if stamped else message
         twist.linear.x, twist.angular.z = v, omega
         self._said["cmd_vel_out"].publish(message)
 
@@ -357,9 +357,8 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         """Return lines as markers on the base, one per namespace."""
         made = []
         for one in drawn:
-            marker = Marker(ns=one.name, type=LINES if one.pairs else STRIP)
-            marker.header.frame_id = self._wiring.base_frame
-            marker.header.stamp = self.get_clock().now().to_msg()
+            kind = Marker.LINE_LIST if one.pairs else Marker.LINE_STRIP
+            marker = self._on_base(Marker(ns=one.name, type=kind))
             marker.scale.x, marker.pose.orientation.w = 0.02, 1.0
             marker.color = ColorRGBA(**dict(zip("rgba", one.colour, strict=True)))
             marker.points = [Point(x=x, y=y) for x, y in one.points.tolist()]

@@ -14,7 +14,8 @@ from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Footprint, offset_outline
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.perception.perception import Explanation, Perception
-from qpavoid.ros.guard import ORIGIN, Guard, GuardStep
+from qpavoid.ros.guard import Guard, GuardStep
+from qpavoid.ros.sensing import ORIGIN
 from qpavoid.types import Array
 
 OK, WARN, ERROR = range(3)
@@ -94,16 +95,16 @@ def diagnose(
     if latency:
         p50, p99 = np.quantile(latency, (0.5, 0.99)).tolist()
         numbers |= {"latency_p50_s": p50, "latency_p99_s": p99}
-    numbers |= dict(zip(("left_m", "left_rad"), guard.left, strict=True))
+    numbers |= dict(zip(("left_m", "left_rad"), guard.tasks.left, strict=True))
     values |= {key: f"{number:.4g}" for key, number in numbers.items()}
     values |= {"arrived": str(guard.has_arrived), "role": guard.wiring.role}
-    values |= {f"steps with {why}": str(n) for why, n in guard.faults.items()}
+    values |= {f"steps with {why}": str(n) for why, n in guard.inputs.faults.items()}
     values["mode"] = guard.setup.drive.mode
-    for name, watch in guard.watches.items():
+    for name, age in step.ages.items():
+        refused = guard.inputs.watches[name].refused.items()
+        said = ", ".join(f"{n} {why}" for why, n in refused if n) or "none"
         state = step.faults.get(name, "fresh")
-        refused = ", ".join(f"{n} {why}" for why, n in watch.refused.items() if n)
-        age = f"{step.ages[name]:.3g} s old"
-        values[name] = f"{state}, {age}; refused: {refused or 'none'}"
+        values[name] = f"{state}, {age:.3g} s old; refused: {said}"
     values |= {f"{name} error": error for name, error in guard.errors.items()}
     return Diagnosis(level, step.sentence, values)
 
@@ -128,7 +129,7 @@ def markers(guard: Guard, step: GuardStep) -> list[Drawing]:
         Drawing("zone of fast obstacles", fast, (0.9, 0.6, 0.0, 0.4), pairs=True),
         Drawing("active contacts", lines, (0.9, 0.0, 0.0, 1.0), pairs=True),
         Drawing("plan", way, (0.0, 0.6, 0.3, 1.0)),
-        *movers(step, guard.perceiver.explain()),
+        *movers(step, guard.sensing.perceiver.explain()),
     ]
 
 

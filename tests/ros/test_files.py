@@ -16,8 +16,8 @@ import yaml
 
 from places import ROOT
 from qpavoid.cli import main
-from qpavoid.ros.guard import Wiring
 from qpavoid.ros.parameters import Running, defaults, preset
+from qpavoid.ros.wiring import Wiring
 
 FOLDER = ROOT / "configs" / "ros"
 KINDS = {"arg", "executable", "node", "include", "group", "let"}

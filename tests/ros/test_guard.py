@@ -4,30 +4,23 @@ import math
 
 import numpy as np
 import pytest
+import ros_guards
+from ros_guards import AT_ONCE, DT, setup
 
 import ros_messages as ros
 from qpavoid.avoidance.decision import Status
-from qpavoid.avoidance.inputs import Fault
+from qpavoid.avoidance.inputs import WAITING, Fault
 from qpavoid.errors import InvalidInputError
-from qpavoid.ros.guard import WAITING, Guard, Wiring
-from qpavoid.ros.messages import seconds
-from qpavoid.ros.parameters import defaults, preset, setup_of
+from qpavoid.ros.messages import READERS, seconds
 
-DT, HALF = 0.05, 0.445
-"""Control step, s; half the length of the MiR without its tip, m."""
+HALF = 0.445
+"""Half the length of the MiR without its tip, m."""
 
 FRAMES = {"frames": ("laser",), "frame_poses": (0.4, 0.0, 0.2, 0.0, 0.0, 0.0)}
 
 
-def setup(**values):
-    robot = preset("mir100_rectangle")
-    changed = {name.replace("__", "."): value for name, value in values.items()}
-    return setup_of(defaults(robot) | changed, robot, DT)
-
-
-def guarded(settings=None, **wiring):
-    given = {"odometry": "", **wiring}
-    return Guard(setup(**(settings or {"freshness__good_s": 0.0})), Wiring(**given))
+def guarded(settings=AT_ONCE, **wiring):
+    return ros_guards.guarded(settings, **({"odometry": ""} | wiring))
 
 
 class World:
@@ -55,7 +48,7 @@ class World:
 
 
 def test_it_waits_until_all_has_been_good_for_a_while():
-    world = World(guarded({"freshness__good_s": 0.25}))
+    world = World(guarded({"freshness.good_s": 0.25}))
     first = world.step(scan=False)
     assert first.faults == {"scan": Fault.NEVER} and first.decision is None
     assert first.sentence == "scan: never seen. Nothing has been received yet."
@@ -67,7 +60,7 @@ def test_it_waits_until_all_has_been_good_for_a_while():
 
 def test_no_data_is_not_no_obstacles():
     """0.2 s are the limit at the end of a step, 0.15 s at its beginning."""
-    world = World(guarded({"freshness__good_s": 0.5}))
+    world = World(guarded({"freshness.good_s": 0.5}))
     world.steps(12)
     assert [step.v for step in world.steps(5, scan=False)] == [0.4] * 3 + [0.0] * 2
     last = world.step(scan=False)
@@ -148,10 +141,10 @@ def test_what_is_blind_or_unreadable_brakes_at_once(message, fault, said):
     assert world.step().v == 0.4
 
 
-def test_of_a_flood_only_the_newest_is_read():
+def test_of_a_flood_only_the_newest_is_read(monkeypatch):
     world, read = World(guarded()), []
-    reader = world.guard._readers["scan"]
-    world.guard._readers["scan"] = lambda m: read.append(m) or reader(m)
+    reader = READERS["scan"]
+    monkeypatch.setitem(READERS, "scan", lambda m: read.append(m) or reader(m))
     for k in range(100):
         time = world.now + 4e-4 * k
         world.guard.see("scan", ros.wall(time, 6.0), time, time)
@@ -179,7 +172,7 @@ def test_a_wall_ahead_is_kept_away_from():
 
 def test_what_was_seen_is_brought_on_by_the_robots_motion():
     """A scan of 0.1 s ago, from a robot that drove 1 m/s since: 0.1 m nearer."""
-    guard = guarded(odometry="odom", settings={"freshness__odometry_s": 0.5})
+    guard = guarded(odometry="odom", settings={"freshness.odometry_s": 0.5})
     for k in range(5):
         at = 10.0 + 0.05 * k
         guard.see("odom", ros.odometry(at, (k * 0.05, 0.0, 0.0), v=1.0), at, at)
@@ -232,7 +225,7 @@ def test_odometry_that_jumps_brakes_and_moves_no_obstacle(pose, jumps):
 
 
 def test_without_odometry_it_is_what_was_given():
-    guard = guarded({"freshness__good_s": 0.0, "freshness__points_s": 1.0})
+    guard = guarded({"freshness.good_s": 0.0, "freshness.points_s": 1.0})
     world = World(guard, distance=4.0, v=1.0)
     world.step()
     for k in range(1, 5):
@@ -287,7 +280,7 @@ def test_settings_change_between_two_steps():
 
 
 def test_an_error_of_whatever_kind_brakes_and_closes_the_latch():
-    world = World(guarded({"freshness__good_s": 0.2}))
+    world = World(guarded({"freshness.good_s": 0.2}))
     world.steps(6)
     step = world.guard.brake("out of memory")
     assert (step.v, step.omega) == (0.0, 0.0) and "step: invalid" in step.sentence
@@ -296,7 +289,7 @@ def test_an_error_of_whatever_kind_brakes_and_closes_the_latch():
 
 
 def test_what_is_driven_may_be_told():
-    guard = guarded({"freshness__good_s": 0.0, "robot__acceleration_mps2": 1.0})
+    guard = guarded({"freshness.good_s": 0.0, "robot.acceleration_mps2": 1.0})
     world = World(guard, v=0.5)
     world.steps(20)
     assert world.step(driven=(0.1, 0.0)).v == pytest.approx(0.15)

@@ -200,9 +200,9 @@ assert node.trigger_configure() is SUCCESS and node.trigger_activate() is SUCCES
 mast = TransformStamped()
 mast.header.frame_id, mast.child_frame_id = "base_link", "mast"
 mast.transform.translation.x = 1.0
-node._guard.frames.add(Fields(transforms=[mast]), fixed=True)
+node._guard.sensing.frames.add(Fields(transforms=[mast]), fixed=True)
 mast.transform.rotation.w = float("nan")
-node._guard.frames.add(Fields(transforms=[mast]))
+node._guard.sensing.frames.add(Fields(transforms=[mast]))
 for frame in ("mast", "nowhere"):
     scan = LaserScan(angle_increment=0.1, range_min=0.1, range_max=9.0, ranges=[2.0])
     scan.header.frame_id, scan.header.stamp = frame, node.get_clock().now().to_msg()

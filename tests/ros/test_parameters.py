@@ -15,9 +15,10 @@ from qpavoid.lab.scenario.schema import Preset, ScenarioModel
 from qpavoid.lab.study.replay import read_parameters
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.ros.guard import Guard, Wiring
+from qpavoid.ros.guard import Guard
 from qpavoid.ros.parameters import PRESETS, SHAPE, TABLES, defaults, preset, setup_of
 from qpavoid.ros.report import ERROR, OK, WARN, diagnose, markers
+from qpavoid.ros.wiring import Wiring
 
 FOLDER = ROOT / "configs" / "ros"
 
@@ -82,7 +83,7 @@ def test_shipped_files_are_valid(path):
         return
     found = read_parameters(path)
     guard = Guard(found.setup, found.wiring)
-    assert guard.watches and found.setup.freshness.good > 0.0
+    assert guard.inputs.watches and found.setup.freshness.good > 0.0
 
 
 @pytest.fixture
@@ -110,7 +111,7 @@ def test_diagnostics_say_what_is(guard):
     told = diagnose(guard, late, (), 20.0)
     assert late.faults == {"scan": Fault.UNORDERED}
     assert told.values["scan"] == "unordered, 0.4 s old; refused: 1 unordered"
-    guard.latch.steps = 5
+    guard.inputs.latch.steps = 5
     guard.see("scan", ros.wall(10.5, 8.0), 10.5, 10.5)
     assert diagnose(guard, guard.step(10.5, 10.5), (), 20.0).level == WARN
 

@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 import pytest
+import ros_guards
+from ros_guards import AT_ONCE, DT
 
 import ros_messages as ros
 from driven import driven_to
@@ -11,21 +13,19 @@ from qpavoid.avoidance.inputs import Fault
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.ros.guard import NO_ODOMETRY, Guard, Wiring
-from qpavoid.ros.parameters import defaults, preset, setup_of
+from qpavoid.ros.guard import NO_ODOMETRY
 from qpavoid.ros.report import markers
 
-DT, BEAMS = 0.05, 360
+BEAMS = 360
 ROOM = [(-4, -3, 6, -3), (6, -3, 6, 3), (6, 3, -4, 3), (-4, 3, -4, -3)]
 MOUNTS = {"scan": (0.35, 0.0, 0.0), "back": (-0.35, 0.0, math.pi)}
 
 
 def guarded(changed=(), **wiring):
-    robot = preset("mir100_rectangle")
     poses = [(x, y, 0.2, 0.0, 0.0, yaw) for x, y, yaw in MOUNTS.values()]
     known = {"frames": tuple(MOUNTS), "frame_poses": tuple(np.ravel(poses))}
-    values = defaults(robot) | {"freshness.good_s": 0.0, "freshness.points_s": 0.3}
-    return Guard(setup_of(values | dict(changed), robot, DT), Wiring(**known | wiring))
+    values = AT_ONCE | {"freshness.points_s": 0.3} | dict(changed)
+    return ros_guards.guarded(values, **known | wiring)
 
 
 def beam_first(ranges, time, name):
@@ -125,7 +125,7 @@ def test_a_driving_robot_knows_its_walls_from_people():
 def test_two_scanners_are_one_map():
     world = World(guarded(scans=tuple(MOUNTS)))
     assert_known(world, world.run(2.5))
-    assert world.guard.perceiver.taken == set(MOUNTS)
+    assert world.guard.sensing.perceiver.taken == set(MOUNTS)
 
 
 def test_a_scanner_may_be_upside_down():
@@ -151,12 +151,12 @@ def test_without_odometry_all_is_at_rest_and_that_is_said():
 def test_after_a_jump_of_odometry_echoes_count_until_the_map_is_new():
     world = World(guarded())
     world.run(2.5)
-    assert world.guard.perceiver.taken
+    assert world.guard.sensing.perceiver.taken
     world.due, world.pose = math.inf, (30.0, 0.0, 0.0)
     assert world.step().faults == {"odom": Fault.JUMPED}
     step = world.step()
     nearest = np.hypot(*step.obstacles.points.T).min()
-    assert not world.guard.perceiver.taken
+    assert not world.guard.sensing.perceiver.taken
     assert nearest == pytest.approx(5.0 - 2.4 - 0.25, abs=0.3)
 
 
@@ -223,7 +223,7 @@ def test_hostile_messages_neither_raise_nor_free_anything(spoil):
         walls = Obstacles(walls=ROOM).seen_from(world.pose)
         near = Contacts.of(world.guard.setup.robot.footprint, walls).distance.min()
         assert math.isfinite(step.v + step.omega) and near > 0.12
-    explained = world.guard.perceiver.explain()
+    explained = world.guard.sensing.perceiver.explain()
     assert explained is None or len(explained.tracks) < 10
 
 
@@ -234,7 +234,7 @@ def test_a_clock_that_is_set_back_begins_a_new_map():
     world.due = world.time
     for _ in range(40):
         step = world.step()
-    assert world.guard.perceiver.taken and step.decision is not None
+    assert world.guard.sensing.perceiver.taken and step.decision is not None
     assert len(step.obstacles.points) > 200
 
 
@@ -246,7 +246,7 @@ def test_a_sensor_later_than_another_is_points_at_rest():
 
     world = World(guarded({"freshness.points_s": 0.6}, scans=tuple(MOUNTS)), made)
     step = world.run(1.5)
-    assert world.guard.perceiver.taken == {"scan"}
+    assert world.guard.sensing.perceiver.taken == {"scan"}
     assert "back: its echoes count as at rest" in step.sentence
     assert len(step.obstacles.points) >= 2 * BEAMS - 60
 

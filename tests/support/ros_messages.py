@@ -56,8 +56,8 @@ def cloud(time, names, rows, frame="base_link", kind="f4", order="<"):
     )
 
 
-def tracks(time, rows, frame="odom"):
-    return cloud(time, ("x", "y", "radius", "vx", "vy"), rows, frame)
+def tracks(time, rows, frame="odom", kind="f4"):
+    return cloud(time, ("x", "y", "radius", "vx", "vy"), rows, frame, kind)
 
 
 def twist(v, omega=0.0, time=None):

@@ -465,6 +465,8 @@ def jump(peer, node):
         peer.drive(1.0)
         peer.now += by
         at = time.monotonic()
+        peer.clock.write(Clock(as_time(peer.now)))
+        time.sleep(0.1)  # a step at the new time, before messages have it
         peer.drive(3.0)
         rows = [abs(v) for t, v, _ in peer.since(at)]
         found[name] = {"stopped": min(rows) < 1e-9, "drives": rows[-1] > 0.0}

@@ -19,8 +19,8 @@ from qpavoid.errors import (
     UnknownNameError,
 )
 from qpavoid.files import MOST_UNPACKED, below, open_file, reading
-from qpavoid.ros.guard import Wiring
 from qpavoid.ros.messages import seconds
+from qpavoid.ros.wiring import Wiring
 from qpavoid.types import Array
 
 ROS_TYPES = {

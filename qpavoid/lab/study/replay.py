@@ -37,10 +37,12 @@ from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.model.trail import relative
-from qpavoid.ros.guard import ORIGIN, Guard, GuardSetup, GuardStep, Wiring
+from qpavoid.ros.guard import Guard, GuardStep
 from qpavoid.ros.messages import read_twist, seconds
 from qpavoid.ros.parameters import PRESETS, Running, defaults, preset, setup_of
 from qpavoid.ros.report import Drawing, diagnose, markers
+from qpavoid.ros.sensing import ORIGIN
+from qpavoid.ros.wiring import GuardSetup, Wiring
 from qpavoid.settings import want
 from qpavoid.types import Array, Twist
 
@@ -170,7 +172,7 @@ def setup_for(drive: Recording, robot: Robot) -> GuardSetup:
     Raises:
         DataError: It has fewer than two of these, or they are too far apart.
     """
-    topic = "command" if drive.has_commands else drive.wiring.topics[0]
+    topic = "command" if drive.has_commands else next(iter(drive.wiring.topics))
     times = [event.time for event in drive.events if event.topic == topic]
     if len(times) < 2:
         raise DataError(f"a replay needs two messages or more on {topic}")
@@ -197,7 +199,7 @@ def replay(drive: Recording, setup: GuardSetup) -> Replayed:
     guard = Guard(setup._replace(freshness=fresh), wired)
     _want_one_clock(drive, guard)
     for message in drive.static:
-        guard.frames.add(message, fixed=True)
+        guard.sensing.frames.add(message, fixed=True)
     sensors = {*drive.wiring.scans, *drive.wiring.clouds}
     asked = {"command"} if drive.has_commands else sensors
     if "perception" in guard.errors:
@@ -212,7 +214,7 @@ def replay(drive: Recording, setup: GuardSetup) -> Replayed:
             guard.see(event.topic, event.message, event.time, event.time)
         if event.topic not in asked:
             continue
-        driven = guard.trail.twist if drive.wiring.odometry else last
+        driven = guard.odometry.trail.twist if drive.wiring.odometry else last
         step, row = guard.step(event.time, event.time, driven), dict[str, Any]()
         if drive.has_commands:
             recorded = _recorded(event)
@@ -223,13 +225,13 @@ def replay(drive: Recording, setup: GuardSetup) -> Replayed:
                 why = guard.errors.get("command", UNREAD)
                 row |= {"changed": True, "why": UNREAD, "reason": why}
         if not drive.wiring.odometry:
-            guard.trail.twist = last
+            guard.odometry.trail.twist = last
         if all(map(math.isfinite, step.ages.values())):
-            placed = zip(POSE, guard.trail.at(event.time), strict=True)
+            placed = zip(POSE, guard.odometry.trail.at(event.time), strict=True)
             done.rows.append({"time_s": event.time, **dict(placed), **row})
             done.steps.append(step)
             done.drawn.append(markers(guard, step))
-            known = guard.perceiver.explain()
+            known = guard.sensing.perceiver.explain()
             tracks = known.tracks if known else ()
             done.names.append([one.name for one in tracks if one.confirmed])
     if not done.rows:
@@ -251,7 +253,7 @@ def _want_one_clock(drive: Recording, guard: Guard) -> None:
     said = ", ".join(f"{topic} {age:.3f} s" for topic, age in ages.items())
     fresh = guard.setup.freshness
     for topic, age in ages.items():
-        watch = guard.watches.get(topic)
+        watch = guard.inputs.watches.get(topic)
         oldest = fresh.command if watch is None else watch.oldest
         if not -fresh.future <= age <= oldest:
             raise DataError(
@@ -263,7 +265,7 @@ def _want_one_clock(drive: Recording, guard: Guard) -> None:
 
 def _refusals(guard: Guard, topic: str) -> str:
     """Return why messages of a topic were refused."""
-    refused = guard.watches[topic].refused.items()
+    refused = guard.inputs.watches[topic].refused.items()
     said = [f"{many} refused: {fault}" for fault, many in refused if many]
     return ", ".join([*said, guard.errors.get(topic, "")]).strip(", ") or "no message"
 
@@ -371,7 +373,8 @@ def tracks(rows: Sequence[Mapping[str, Any]], start: float) -> list[dict[str, An
 def summary(replayed: Replayed) -> dict[str, Any]:
     """Return the numbers of a replay, its moving obstacles, and its episodes."""
     rows, guard = replayed.rows, replayed.guard
-    refused = [k for k, x in guard.watches.items() if any(x.refused.values())]
+    watches = guard.inputs.watches
+    refused = [k for k in guard.wiring.topics if any(watches[k].refused.values())]
     found = {
         "steps": len(rows),
         "seconds": round(rows[-1]["time_s"] - rows[0]["time_s"], 3),

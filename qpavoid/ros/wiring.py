@@ -1,0 +1,156 @@
+"""Topics, sensor frames and settings of the guard."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from qpavoid.avoidance.inputs import Freshness
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.guide.settings import GuideSettings
+from qpavoid.model.footprint import Footprint
+from qpavoid.model.robot import Robot
+from qpavoid.model.transform import Transform
+from qpavoid.ros.modes import DriveSettings
+from qpavoid.ros.perceiver import NodePerception
+from qpavoid.settings import want
+from qpavoid.types import Array
+
+ROLES = "filter", "guide"
+
+TF = "/tf"
+"""As topic of odometry: poses of the base frame by tf."""
+
+
+class GuardSetup(NamedTuple):
+    """Settings that can change at run time; ``dt`` is the control step."""
+
+    robot: Robot
+    settings: AvoidanceSettings
+    freshness: Freshness
+    perception: NodePerception = NodePerception()
+    guide: GuideSettings = GuideSettings()
+    drive: DriveSettings = DriveSettings()
+
+
+class Wiring(NamedTuple):
+    """Topics and sensor frames of the node; an empty topic is not used.
+
+    Attributes:
+        role: ``filter``: commands are filtered; ``guide``: goals are driven to.
+        scans: Topics of ``LaserScan``.
+        clouds: Topics of ``PointCloud2``.
+        odometry: Of ``Odometry``; ``/tf``: the base frame's pose in ``odom_frame`` by
+            tf; without it the last twist counts as driven, and all echoes as at rest.
+        tracks: Of tracked discs, see :mod:`qpavoid.ros.messages`.
+        costmap: Of ``OccupancyGrid``; its occupied cells are static obstacles.
+        costmap_s: Greatest age of it.
+        footprint: Of ``PolygonStamped``, in the base frame or one by tf.
+        dock_frame: Frame of the dock, by tf.
+        dock_m: x1, y1, x2, y2, … of its region there, counter-clockwise.
+        height_min_m: Points of clouds below this over the base's origin are floor.
+        height_max_m: Points above this are ignored: they pass over the robot.
+        mask_m: Points in the footprint grown by this may be the robot itself: those
+            where a point was in the first messages of their topic
+            (:mod:`qpavoid.ros.mask`).
+        mask_boxes_m: x_min, y_min, x_max, y_max on the base of each box, concatenated;
+            points in these boxes are the robot itself, and then no others are.
+        blind_sector_deg: A run of unknown beams wider than this is an unknown sector,
+            into which the robot does not drive; narrower ones are dropouts.
+        last_beam_stamps: Topics of ``scans`` whose stamp is that of the last beam.
+        empty_is_free: Topics of ``clouds`` whose empty clouds are free; others are
+            blind.
+        base_frame: The middle of the axle, x ahead.
+        odom_frame: Fixed to the ground.
+        frames: Names of the sensors' frames.
+        frame_poses: x, y, z, roll, pitch, yaw on the base of each, concatenated.
+    """
+
+    role: str = "filter"
+    scans: tuple[str, ...] = ("scan",)
+    clouds: tuple[str, ...] = ()
+    odometry: str = "odom"
+    tracks: str = ""
+    costmap: str = ""
+    costmap_s: float = 1.0
+    footprint: str = ""
+    dock_frame: str = ""
+    dock_m: tuple[float, ...] = ()
+    height_min_m: float = 0.05
+    height_max_m: float = 2.0
+    mask_m: float = 0.0
+    mask_boxes_m: tuple[float, ...] = ()
+    blind_sector_deg: float = 10.0
+    last_beam_stamps: tuple[str, ...] = ()
+    empty_is_free: tuple[str, ...] = ()
+    base_frame: str = "base_link"
+    odom_frame: str = "odom"
+    frames: tuple[str, ...] = ()
+    frame_poses: tuple[float, ...] = ()
+
+    @property
+    def topics(self) -> dict[str, str]:
+        """Kinds of all required topics, keys of :data:`qpavoid.ros.messages.READERS`.
+
+        Raises:
+            InvalidInputError: No topic of obstacles, or one is repeated; or an entry of
+                ``last_beam_stamps`` or ``empty_is_free`` is not among them; or the role
+                is unknown.
+        """
+        want(self.role in ROLES, f"role must be one of {ROLES}, not {self.role!r}")
+        want(self.role == "filter" or self.odometry != "", "a guide needs odometry")
+        docks = (self.dock_frame == "") == (self.dock is None)
+        want(docks, "a dock needs dock_frame and dock_m")
+        want(bool(self.scans or self.clouds), "scans or clouds must name a topic")
+        for key, of in (
+            ("last_beam_stamps", self.scans),
+            ("empty_is_free", self.clouds),
+        ):
+            wrong = sorted({*getattr(self, key)} - {*of})
+            want(not wrong, f"{key} names {wrong}, not among {[*of]}")
+        named = [(name, "scan") for name in self.scans]
+        named += [(name, "cloud") for name in self.clouds]
+        single = "odometry", "tracks", "costmap"
+        named += [(getattr(self, kind), kind) for kind in single if getattr(self, kind)]
+        found = dict(named)
+        want(len(found) == len(named), f"a topic is repeated in {named}")
+        return found
+
+    def _rows(self, key: str, width: int) -> Array:
+        """Return the numbers of a parameter as rows."""
+        numbers = np.array(getattr(self, key), dtype=np.float64)
+        want(len(numbers) % width == 0, f"{key} needs {width} numbers each")
+        return numbers.reshape(-1, width)
+
+    @property
+    def boxes(self) -> Array:
+        """The boxes (n, 4) of ``mask_boxes_m``, m.
+
+        Raises:
+            InvalidInputError: Not four numbers per box, or an empty box.
+        """
+        made = self._rows("mask_boxes_m", 4)
+        sound = bool((made[:, :2] < made[:, 2:]).all())
+        want(sound, "mask_boxes_m needs x_min, y_min < x_max, y_max")
+        return made
+
+    @property
+    def dock(self) -> Footprint | None:
+        """Region of the dock in its frame; None without one.
+
+        Raises:
+            InvalidInputError: Not a simple polygon, counter-clockwise.
+        """
+        corners = self._rows("dock_m", 2)
+        return Footprint.polygon(corners) if len(corners) else None
+
+    @property
+    def sensors(self) -> dict[str, Transform]:
+        """Transforms of the sensors' frames to the base.
+
+        Raises:
+            InvalidInputError: Not six numbers per frame, or angles not in rad.
+        """
+        poses = self._rows("frame_poses", 6)
+        want(len(poses) == len(self.frames), "frame_poses needs 6 numbers each")
+        made = map(Transform.of_angles, poses.tolist())
+        return dict(zip(self.frames, made, strict=True))
