@@ -222,6 +222,10 @@ class Guide:
         self._path.follow(plan)
         self._begin(plan, self._asked)
 
+    def __reduce_ex__(self, protocol: Any) -> Any:
+        """Refuse copies, which would share the state of tracking and stage."""
+        raise TypeError("a Guide cannot be copied or pickled; make another one")
+
     @property
     def perception(self) -> Perception | None:
         """Perception of scans; None before the first."""

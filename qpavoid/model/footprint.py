@@ -1,7 +1,7 @@
 """Footprints: unions of convex polygons; the pentagon with a tip (section 2, Eq. 8)."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
@@ -245,11 +245,9 @@ class Footprint:
     @classmethod
     def union(cls, parts: Sequence[Any]) -> "Footprint":
         """Return the union of footprints or corners of polygons, robot frame, m."""
-        try:
-            given = tuple(parts)
-        except TypeError:
-            raise InvalidInputError("a union takes several polygons") from None
-        each = (x.outlines if isinstance(x, cls) else (x,) for x in given)
+        if not isinstance(parts, Iterable):
+            raise InvalidInputError("a union takes several polygons")
+        each = (x.outlines if isinstance(x, cls) else (x,) for x in parts)
         return cls(tuple(outline for outlines in each for outline in outlines))
 
     @property

@@ -1,6 +1,8 @@
 """Closed loops of a guide with noise, late measurements and motors that stick."""
 
+import copy
 import math
+import pickle
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -197,6 +199,12 @@ def test_it_gives_way_within_its_area_and_comes_back(v_min, bounds):
         assert abs(math.remainder(rows[-1].pose[2], math.tau)) < math.radians(10.0)
         assert max(math.hypot(*r.pose[:2]) for r in rows) > 0.2
     assert max(gone) < 2e-3 if bounds else max(gone) > 0.6
+
+
+def test_a_guide_is_not_copied():
+    for copied in (copy.copy, copy.deepcopy, pickle.dumps):
+        with pytest.raises(TypeError, match="cannot be copied"):
+            copied(qp.Guide(cart()))
 
 
 def test_an_area_is_checked_within_a_step():
