@@ -73,11 +73,11 @@ def test_the_filter_drives_the_same_in_a_loop(ask):
     size = memory_size(most_contacts(edges, (points, capsules)), record)
     fields = dict(zip(record.dtype.names, record[0].tolist(), strict=True))
     given = [
-        {"matrix": edges.tolist(), "columns": 5},
+        {"matrix": edges.tolist(), "columns": edges.shape[1]},
         {"vector": robot.limit_vector.tolist()},
         {"record": "filter_settings", "fields": fields},
         {"matrix": points.tolist(), "columns": 2},
-        {"matrix": [], "columns": 11},
+        {"matrix": [], "columns": 12},
         *(0.0, True, 0.7, 0.3),
         {"vector": state.tolist()},
         {"vector": [0.0] * size},

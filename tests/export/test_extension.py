@@ -93,7 +93,7 @@ BASELINES = {
     "dwa": ["best_twist", "free_time"],
     "mppi": ["average", "rollout"],
     "nmpc": ["nearest_discs"],
-    "ttc": ["descend", "first_violated"],
+    "ttc": ["descend", "first_met"],
     "vfh": ["choose", "polar_histogram", "reachable"],
 }
 
