@@ -228,8 +228,8 @@ def test_a_drag_is_recorded_and_run_again(browser, config, tmp_path):
     log = run(scenario, "qp-ahead")
     assert len(log) == len(frames) > 60
     assert np.hypot(log["x_m"], log["y_m"]).max() > 0.1
-    # A last bit grows tenfold in some ten steps, while a robot has to choose its side.
-    assert assert_same(frames[:45], log, alike=1e-5) >= 10
+    # A last bit decides whether an iteration goes on: 1e-3 m/s, and later the side.
+    assert assert_same(frames[:50], log, alike=2e-3) >= 10
 
 
 @needs_program
