@@ -37,7 +37,7 @@ CEILINGS = {
     "cli": 1_179,
     "lab": 13_540,
     "comparisons": 6_968,
-    "tests": 25_729,
+    "tests": 25_731,
 }
 """Lines of Python; ``cli`` holds all of the package but robot and lab. These numbers
 and those of FOLDERS fall; new features raise them only with less elsewhere."""

@@ -10,7 +10,7 @@ from hypothesis import given
 from qpavoid.avoidance import bodies as table
 from qpavoid.avoidance import margin as broad
 from qpavoid.avoidance import proposals as lin
-from qpavoid.avoidance.bodies import FEW, MOST_GROUPED, threshold
+from qpavoid.avoidance.bodies import FEW, MOST_GROUPED, WIDEST_GROUP, threshold
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.proposals import violation
 from qpavoid.avoidance.step import look_ticks
@@ -66,6 +66,8 @@ def test_who_keeps_away_from_a_group_keeps_away_from_its_points(seed):
     scene = scene_of(ROBOT, scanned(rng))
     for group, rows in groups_of(scene):
         assert FEW <= len(rows) <= MOST_GROUPED
+        apart = math.hypot(rows[-1].x - rows[0].x, rows[-1].y - rows[0].y)
+        assert apart < WIDEST_GROUP * math.hypot(rows[0].x, rows[0].y)
         one = np.array([group.x + group.x1, group.y + group.y1])
         way = np.array([group.x2 - group.x1, group.y2 - group.y1])
         for seen in rng.uniform(-3, 3, (20, 2)):
