@@ -22,7 +22,12 @@ from qpavoid.avoidance.cbf_rows import (
     tangent_at,
     tolerated,
 )
-from qpavoid.avoidance.settings import FilterSettings, is_slow, least_radius
+from qpavoid.avoidance.settings import (
+    AvoidanceSettings,
+    FilterSettings,
+    is_slow,
+    least_radius,
+)
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.capsules import (
     OWNER,
@@ -43,7 +48,7 @@ from qpavoid.model.capsules import (
 )
 from qpavoid.model.contact import Contact, point_contact, wall_contact
 from qpavoid.model.kinematics import TINY
-from qpavoid.model.robot import UNLIMITED_TWIST, limits_of, stopping_time
+from qpavoid.model.robot import UNLIMITED_TWIST, Robot, limits_of, stopping_time
 from qpavoid.types import (
     Array,
     Arrays,
@@ -72,6 +77,11 @@ class Setup(NamedTuple):
     edges: Edges
     robot: LimitVector
     settings: FilterSettings
+
+    @classmethod
+    def of(cls, robot: Robot, settings: AvoidanceSettings) -> "Setup":
+        """Return robot and settings for compiled functions."""
+        return cls(robot.footprint.edges, robot.limit_vector, settings.record())
 
 
 class Request(NamedTuple):

@@ -73,9 +73,7 @@ class RepulsionController:
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
-        edges, numbers = self.robot.footprint.edges, self.robot.limit_vector
-        setup = Setup(edges, numbers, self.settings.record())
-        state = np.array([v, omega])
+        setup, state = Setup.of(self.robot, self.settings), np.array([v, omega])
 
         def step(
             v: float,
@@ -85,7 +83,7 @@ class RepulsionController:
         ) -> Decision:
             started = perf_counter()
             arrays, wanted = obstacles.arrays, (float(v), float(omega))
-            contacts = empty_contacts(edges, arrays)
+            contacts = empty_contacts(setup.edges, arrays)
             request = Request(arrays, 0.0, False, wanted)
             o = repulsion_step(self.law, setup, request, state, contacts)
             if o.code == INVALID:

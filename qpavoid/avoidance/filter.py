@@ -419,7 +419,7 @@ class SafetyFilter:
         """Return the decision for any kind of arguments; see :meth:`filter`."""
         started, engine = perf_counter(), self._engine
         engine.bind(get_ident())
-        desired, age = self._beyond_band(as_twist(v, omega)), as_age(age)
+        desired, age = self._or_halt(as_twist(v, omega)), as_age(age)
         arrays, memory = as_table(seen), engine.state
         state = self._state_at(driven)
         outcome = engine.step(desired, arrays, age, state)
@@ -566,21 +566,22 @@ class SafetyFilter:
         There the motors stand still for any command, and accelerations relative to the
         measured twist would never leave it.
         """
-        limits, twist = self._robot.limits, as_driven(driven, self._engine.setup.robot)
-        inside = self._engine.has_band and not limits.moves(*twist)
-        return limits.within_band(*self._last) if inside else twist
+        twist = as_driven(driven, self._engine.setup.robot)
+        within = self._robot.limits.within_band
+        return within(*self._last) if self._sticks(twist) else twist
 
     def _commanded(self, decision: Decision) -> Decision:
         """Return a decision with zero in place of a twist within the dead band."""
-        if not self._engine.has_band:
-            return decision
-        v, omega = self._beyond_band((decision.v, decision.omega))
-        return decision._replace(v=v, omega=omega)
+        halts = self._sticks((decision.v, decision.omega))
+        return decision._replace(v=0.0, omega=0.0) if halts else decision
 
-    def _beyond_band(self, twist: Pair) -> Pair:
+    def _sticks(self, twist: Pair) -> bool:
+        """Return whether motors with a dead band stand still for a twist."""
+        return self._engine.has_band and not self._robot.limits.moves(*twist)
+
+    def _or_halt(self, twist: Pair) -> Pair:
         """Return a twist, or zero if it lies within the dead band."""
-        inside = self._engine.has_band and not self._robot.limits.moves(*twist)
-        return HALT if inside else twist
+        return HALT if self._sticks(twist) else twist
 
     def _state_at(self, driven: Pair | None) -> Array:
         """Return the state of a robot that drives a twist at present."""
@@ -614,7 +615,7 @@ class SafetyFilter:
         """
         seen = obstacles if points is NO_POINTS else only_points(obstacles, points)
         arrays, state = as_table(seen), self._state_at(driven).copy()
-        desired, age = self._beyond_band(as_twist(v, omega)), as_age(age)
+        desired, age = self._or_halt(as_twist(v, omega)), as_age(age)
         outcome = self._engine.step_exactly(desired, arrays, age, state)
         if outcome[0] == INVALID:
             raise why_invalid(seen)

@@ -213,10 +213,8 @@ class Guide:
         self._resigned: Array | None = None
         self._arrived = False
         self._from, self._asked = (0.0, 0.0, 0.0), Asked(np.zeros(3), math.inf)
-        plan, law = (
-            standing(self._from),
-            StationTracker(Gains(), StationKeeping(), robot.limits),
-        )
+        plan = standing(self._from)
+        law = StationTracker(Gains(), StationKeeping(), robot.limits)
         self._headway, self._state = Headway(plan, 0, 1.0), fresh_stage()
         self._path = PathTracking(law, Waiting(), self.settings.dt, self._guide)
         self._path.follow(plan)

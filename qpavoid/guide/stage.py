@@ -397,9 +397,8 @@ class GuideStage:
     @property
     def stage(self) -> Stage:
         """Data for compiled functions."""
-        edges = self.robot.footprint.edges
         return Stage(
-            Setup(edges, self.robot.limit_vector, self.avoidance.record()),
+            Setup.of(self.robot, self.avoidance),
             self.law,
             self.settings.record(self.robot, self.avoidance.radius),
             outline(self.robot.footprint),

@@ -152,9 +152,7 @@ class Guard:
             given = setup.robot, setup.settings, patience
             self.guide = Guide(*given, freshness=ages)
             self.safety = self.guide.safety
-            radius, margins = setup.settings.radius, setup.settings.margins
-            keep = radius.r_min() + margins.error
-            self._teleop = modes.Teleop(self.guide, setup.drive, keep)
+            self._teleop = modes.Teleop(self.guide, setup.drive, setup.keep)
         self.safety.reset(*self.driven)
         self.tasks.use(self.guide, setup.drive.speed)
         self._fit(setup.robot)
@@ -273,9 +271,8 @@ class Guard:
             driven: Measured (v, ω), default the last one given.
         """
         self._read(now, steady)
-        faults = self.inputs.found(now, steady) | dict.fromkeys(
-            self._jumps, Fault.JUMPED
-        )
+        jumped = dict.fromkeys(self._jumps, Fault.JUMPED)
+        faults = self.inputs.found(now, steady) | jumped
         notes = self._notes | self._jumps | self.tasks.refused
         self._jumps = {}
         if driven is not None and not np.isfinite(driven).all():

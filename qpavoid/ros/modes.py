@@ -42,7 +42,6 @@ FOLLOW_TIME, LEAST_AHEAD = 1.0, 0.2
 """s, in which an error of the followed distance is reduced; least cosine of the
 person's bearing."""
 
-
 LATEST = math.inf
 """s; time of the newest transform."""
 

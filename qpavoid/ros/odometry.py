@@ -30,11 +30,7 @@ class Odometry:
 
     def fit(self, limits: Limits) -> None:
         """Set other limits of the robot."""
-        ranges = (
-            (limits.v_min, limits.v_max),
-            (limits.omega_min, limits.omega_max),
-        )
-        most = np.abs(ranges).max(axis=1)
+        most = np.abs(np.reshape(limits.numbers[:4], (2, 2))).max(axis=1)
         self._fastest = np.array([-most, most])
 
     def jump(self, stamp: float, pose: Pose) -> str:

@@ -121,7 +121,7 @@ def markers(guard: Guard, step: GuardStep) -> list[Drawing]:
         for r in (radius.r_min(), radius.r_min(math.inf))
     )
     body = (0.8, 0.1, 0.1, 1.0) if brakes else (0.1, 0.4, 0.8, 1.0)
-    made = Setup(robot.footprint.edges, robot.limit_vector, settings.record())
+    made = Setup.of(robot, settings)
     way = places_of(made, plan, (step.v, step.omega), DRAWN_EVERY)
     return [
         Drawing("footprint", sides(footprint.outlines), body, pairs=True),

@@ -231,8 +231,7 @@ class Sensing:
     @property
     def _away(self) -> float:
         """Distance of a border from the outline, m: required, and to stop."""
-        s, speed = self._setup.settings, abs(self._driven[0])
-        kept = s.radius.r_min() + s.margins.error
+        s, speed, kept = self._setup.settings, abs(self._driven[0]), self._setup.keep
         way = speed * (s.dt + s.actuation.delay)
         way += 0.5 * speed * speed / self._setup.robot.limits.acceleration
         return kept + max(0.5 * kept, LEAST_AWAY) + way

@@ -31,6 +31,11 @@ class GuardSetup(NamedTuple):
     guide: GuideSettings = GuideSettings()
     drive: DriveSettings = DriveSettings()
 
+    @property
+    def keep(self) -> float:
+        """Required distance of static obstacles that have just been measured, m."""
+        return self.settings.radius.r_min() + self.settings.margins.error
+
 
 class Wiring(NamedTuple):
     """Topics and sensor frames of the node; an empty topic is not used.
@@ -101,10 +106,8 @@ class Wiring(NamedTuple):
         docks = (self.dock_frame == "") == (self.dock is None)
         want(docks, "a dock needs dock_frame and dock_m")
         want(bool(self.scans or self.clouds), "scans or clouds must name a topic")
-        for key, of in (
-            ("last_beam_stamps", self.scans),
-            ("empty_is_free", self.clouds),
-        ):
+        subsets = {"last_beam_stamps": self.scans, "empty_is_free": self.clouds}
+        for key, of in subsets.items():
             wrong = sorted({*getattr(self, key)} - {*of})
             want(not wrong, f"{key} names {wrong}, not among {[*of]}")
         named = [(name, "scan") for name in self.scans]

@@ -183,8 +183,7 @@ class Baseline:
     @property
     def setup(self) -> Setup:
         """Robot and settings for compiled functions."""
-        edges, limits = self.robot.footprint.edges, self.robot.limit_vector
-        return Setup(edges, limits, self.settings.record())
+        return Setup.of(self.robot, self.settings)
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""

@@ -1,6 +1,7 @@
 """Common part of predictive methods: obstacles as discs, start from the last plan."""
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
@@ -81,7 +82,7 @@ def command_of(twist: Twist, depth: float) -> Command:
 
 
 @dataclass(frozen=True)
-class Predictive(Baseline):
+class Predictive(Baseline, ABC):
     """A method that plans every :data:`PERIOD` from its last plan.
 
     The cheapest plan counts; without one the robot brakes (``stopped``).
@@ -110,17 +111,17 @@ class Predictive(Baseline):
 
         return self.stepping((v, omega), plan, PERIOD)
 
+    @abstractmethod
     def program(self) -> Any:
         """Return the solver, shared by all runs of equal settings."""
-        raise NotImplementedError
 
+    @abstractmethod
     def is_free(self, to: Situation) -> bool:
         """Return whether the desired twist is driven, and the last plan dropped."""
-        raise NotImplementedError
 
+    @abstractmethod
     def search(self, kept: Plan | None, to: Situation) -> Iterator[Plan | None]:
         """Yield the solver's plans, from the last one if any; None for a failure."""
-        raise NotImplementedError
 
 
 NO_DISC = (1e3, 1e3, 0.0, 0.0, 0.0)

@@ -189,9 +189,7 @@ class Simulation:
         scenario = found.adapt(scenario)
         robot, settings = scenario.robot, scenario.settings
         method = make_controller(found.controller, robot, settings, solver)
-        self._setup = Setup(
-            robot.footprint.edges, robot.limit_vector, settings.record()
-        )
+        self._setup = Setup.of(robot, settings)
         self.scenario, self.pose, self.driven = scenario, scenario.start, (0.0, 0.0)
         plan = scenario.path.sample(scenario.times)
         x, y, heading = scenario.path.sample(AT_LAST)[0, :3].tolist()
