@@ -36,8 +36,8 @@ CEILINGS = {
     "robot": 21_851,
     "cli": 1_179,
     "lab": 13_540,
-    "comparisons": 6_968,
-    "tests": 25_731,
+    "comparisons": 7_168,
+    "tests": 25_872,
 }
 """Lines of Python; ``cli`` holds all of the package but robot and lab. These numbers
 and those of FOLDERS fall; new features raise them only with less elsewhere."""
