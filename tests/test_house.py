@@ -37,7 +37,7 @@ CEILINGS = {
     "cli": 1_179,
     "lab": 13_540,
     "comparisons": 7_168,
-    "tests": 25_872,
+    "tests": 25_866,
 }
 """Lines of Python; ``cli`` holds all of the package but robot and lab. These numbers
 and those of FOLDERS fall; new features raise them only with less elsewhere."""

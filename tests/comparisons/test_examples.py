@@ -1,7 +1,8 @@
-"""The examples run as they stand, are short, draw, and show what they say."""
+"""Examples run, are short, draw, and show what they say; scripts name lacking extras."""
 
 import re
 import runpy
+import subprocess
 import sys
 
 import pytest
@@ -41,3 +42,55 @@ def test_examples_are_short_and_say_how_to_run_them():
         most = MOST_LINES if path.stem in SHOWN else MOST_LINES + 4
         assert len(text.splitlines()) <= most, path
         assert f"examples/{path.name}" in text or "figure.png" in text, path
+
+
+EXTRAS = """pyarrow pyrvo tcod mujoco rosbags gymnasium piqp proxsuite clarabel highspy
+cbfpy elastiqp pink mink pinocchio IPython"""
+
+RUN = """
+import runpy, sys
+class Lacking:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {extras}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+sys.meta_path.insert(0, Lacking())
+sys.argv = sys.argv[1:]
+runpy.run_path(sys.argv[0], run_name="__main__")
+"""
+
+WANTING = {
+    "slippery_floor.py": "mujoco",
+    "random_policy.py": "gym",
+    "mobile_manipulator.py": "wholebody",
+}
+"""Examples that want an extra, and which."""
+
+
+def run_without_extras(path, *arguments, folder=COMPARISONS):
+    code = RUN.format(extras=set(EXTRAS.split()))
+    command = [sys.executable, "-c", code, str(path), *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=folder)
+    assert "Traceback" not in done.stderr, done.stderr
+    return done
+
+
+@pytest.mark.parametrize("name", WANTING)
+def test_an_example_without_extras_says_in_a_line_which_it_lacks(name, tmp_path):
+    done = run_without_extras(COMPARISONS / "examples" / name, folder=tmp_path)
+    assert done.returncode == 1 and done.stderr.count("\n") == 1
+    assert done.stderr.endswith(f"pip install 'qpavoid[{WANTING[name]}]'\n")
+
+
+SCRIPTS = "crowdnav/crowdnav.py", "timing/solvers.py", "timing/steps.py", "rows.py"
+SCRIPTS += "studies/scan_replay.py", "paper/calibrations.py", "encounters/station.py"
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_a_script_without_extras_helps_or_says_which_it_lacks(name):
+    path = COMPARISONS / name
+    done = run_without_extras(path, "--help", folder=path.parent)
+    if done.returncode:
+        assert done.returncode == 1
+        assert "Install it with: pip install 'qpavoid[" in done.stderr
+    else:
+        assert "usage:" in done.stdout
