@@ -1,4 +1,4 @@
-"""Examples run, are short, draw, and show what they say; scripts name lacking extras."""
+"""Examples run, are short, draw, show what they say; scripts name lacking extras."""
 
 import re
 import runpy
