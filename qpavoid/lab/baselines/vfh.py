@@ -229,7 +229,8 @@ class HistogramController(Baseline):
 def grid_cells(obstacles: Obstacles) -> Array:
     """Return all obstacles as cells (n, 3): x, y, radius, m; lines as many points."""
     points = np.vstack([obstacles.points, line_points(obstacles, CELL)[:, :2]])
-    return np.vstack([np.pad(points, ((0, 0), (0, 1))), obstacles.discs])
+    cells = np.vstack([np.pad(points, ((0, 0), (0, 1))), obstacles.discs])
+    return np.ascontiguousarray(cells)  # vstack keeps the order of columns
 
 
 def sector(direction: float) -> int:

@@ -46,6 +46,14 @@ def test_far_from_everything_the_desired_twist_is_driven(name, guide):
         assert decision[:3] == (0.45, 0.17, Status.TRACKING)
 
 
+@pytest.mark.parametrize("name", [*NAMES, *guided.NAMES])
+def test_one_point_and_discs_seen_from_a_pose(name):
+    discs = [[1.1, 0.2, 0.1], [1.2, -0.4, 0.2], [-0.9, 0.6, 0.1]]
+    seen = Obstacles([[1.5, 0.4]], discs).seen_from((0.1, 0.2, 0.3))  # columns first
+    step = guided.make(name, HEAVY, **SMALL.get(name, {})).start()
+    assert np.isfinite(step(0.4, 0.1, seen, towards(3.0, 0.5, (0.0, 0.0)))[:2]).all()
+
+
 @pytest.mark.parametrize(("name", "robot"), EVERY)
 @given(seed=seeds)
 def test_twists_are_finite_and_within_the_limits(name, robot, seed):
