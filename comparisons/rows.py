@@ -2,9 +2,9 @@
 
 ``results/STUDY.csv`` has a row per scene and a column per method. A cell is one run:
 the time to the goal, s, if it succeeded, else a letter (:data:`ENDS`); then ``/N`` if
-the robot came N mm nearer than r_min, N > 1. An empty setting is that of the row above;
-``more:`` marks scenes that were added for few methods. ``results/costs.csv`` has median
-and 99th percentile of the solve time, µs, and BARN's metric, by study, setting, method.
+the robot came N mm nearer than r_min, N > 1. An empty setting is that of the row above.
+``results/costs.csv`` has median and 99th percentile of the solve time, µs, and BARN's
+metric, by study, setting, method.
 
     python comparisons/rows.py out/forest forest          # add the runs of a sweep
     python comparisons/rows.py out/sensed sensing --level "noise (m) 0.1"
@@ -23,9 +23,6 @@ from statistics import median
 from typing import Any, NamedTuple, TypeAlias
 
 RESULTS = Path(__file__).resolve().parent / "results"
-
-MORE = "more: "
-"""Prefix of the settings of scenes that were added."""
 
 ENDS = {
     "c": "contact that began while the robot moved",
@@ -69,7 +66,6 @@ class Ranking(NamedTuple):
         world: Pattern of what the names of the scenes of one cluster share, or how many
             successive numbers form one; empty: each scene is a cluster.
         before: Planner before every method.
-        more: Whether the scenes that were added for some methods belong to it.
     """
 
     table: str
@@ -78,7 +74,6 @@ class Ranking(NamedTuple):
     settings: str = ""
     world: str | int = ""
     before: str = ""
-    more: bool = False
 
 
 SEEN = r"(?!together)"
@@ -116,9 +111,6 @@ RANKINGS = (
     Ranking("together", "Discs as tracks, all", "sensing", "tracks: tog"),
 )
 """All that is compared."""
-
-ADDED = tuple(x._replace(table="more", more=True) for x in RANKINGS)
-"""Rankings with the scenes that were added."""
 
 FLEETS = tuple(
     Ranking("fleet", title, "fleet", f"/{setting}$")
@@ -182,11 +174,10 @@ def chosen(ranking: Ranking) -> Mapping[str, Runs]:
     """Return the runs of a ranking by method, of those that ran in all its settings."""
     found, settings = {}, {}
     for method, runs in read_runs(ranking.study).items():
-        plain = {k: k[0].removeprefix(MORE) for k in runs}
-        some = {k for k, x in plain.items() if re.search(ranking.settings, x)}
-        some = {k for k in some if ranking.more or k[0] == plain[k]}
-        found[method] = {k: runs[k] for k in runs if k in some}
-        settings[method] = {plain[k] for k in some}
+        found[method] = {
+            k: x for k, x in runs.items() if re.search(ranking.settings, k[0])
+        }
+        settings[method] = {setting for setting, _ in found[method]}
     most = set().union(*settings.values())
     return {x: runs for x, runs in found.items() if runs and settings[x] == most}
 

@@ -28,9 +28,7 @@ from scipy import stats
 
 from qpavoid.types import Array
 from rows import (
-    ADDED,
     FLEETS,
-    MORE,
     RANKINGS,
     Ranking,
     Run,
@@ -48,9 +46,6 @@ OURS = "qp-ahead+guide"
 NAMED = {"mppi": "MPPI", "nmpc": "NMPC", "teb": "TEB", "mpc-cbf": "MPC-CBF"}
 NAMED["orca"] = "ORCA"
 """Methods that every table shows, with their labels."""
-
-THREE = OURS, "mppi", "nmpc"
-"""Methods for which scenes were added."""
 
 COLORS = "#1a8f3c", "#1f77b4", "#d95f02", "#7b5ea7", "#b8860b", "#7f7f7f"
 """Of ours and the named methods."""
@@ -305,24 +300,6 @@ def in_short(found: Compared, name: str, row: Summary) -> str:
     return f"{text} / {100.0 * row.contacts / row.ran:.0f}"
 
 
-def added_table() -> str:
-    """Return what the scenes that were added say of ours, MPPI and NMPC."""
-    lines = []
-    for ranking in ADDED:
-        found, names = compare(ranking), [ranking.before + x for x in THREE]
-        if not any(k[0].startswith(MORE) for k in found.runs.get(names[1], ())):
-            continue
-        line = [ranking.title]
-        for name in names:
-            if name not in found.rows:
-                line.append("–")
-                continue
-            ran, success, moving, contacts, ratio, *_ = cells(found, name)
-            line.append(f"{ran}: {success}, {moving} / {contacts}, {ratio}")
-        lines.append(line)
-    return written(["scenes", "ours", "MPPI", "NMPC"], lines, 4)
-
-
 def draw(path: Path) -> None:
     """Draw success with its interval, a row a study, a colour a method."""
     plt.rcParams["axes.spines.top"] = plt.rcParams["axes.spines.right"] = False
@@ -376,7 +353,7 @@ def tables() -> Mapping[str, Callable[[], str]]:
         "first": partial(short_table, first),
         "fleet": partial(short_table, FLEETS),
     }
-    return {**named, **short, "more": added_table}
+    return {**named, **short}
 
 
 def main() -> None:
