@@ -36,7 +36,7 @@ CEILINGS = {
     "robot": 21_851,
     "cli": 1_179,
     "lab": 13_540,
-    "comparisons": 7_168,
+    "comparisons": 6_977,
     "tests": 25_866,
 }
 """Lines of Python; ``cli`` holds all of the package but robot and lab. These numbers

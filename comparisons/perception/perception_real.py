@@ -14,8 +14,7 @@ from typing import TypeAlias
 import numpy as np
 
 import qpavoid as qp
-from perception_bench import tracker
-from perception_measures import measure
+from perception_bench import measure, row_of, tracker
 from perception_scenes import DRIFTS, Recorded, drifted
 from qpavoid.lab.study.bags import read_bag
 from qpavoid.lab.study.calibrate import Recording, calibrate, poses_of, scans_of
@@ -73,7 +72,7 @@ def cars(data: Path | None) -> Iterator[Row]:
                 scans = lidar, times, recording.ranges, odometry, poses, truth
                 made = Recorded(*scans, [REACH] * len(others))
                 part = {"setting": how, "drift": drift, "note": fit}
-                part |= measure(made, tracker(made, settings)).row()
+                part |= row_of(measure(made, tracker(made, settings)))
                 yield row | part
 
 

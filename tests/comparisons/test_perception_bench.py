@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 import perception_real
-from perception_bench import EXACT, FAULTY, SCENES, run, tracker
+from perception_bench import EXACT, FAULTY, measure, run, tracker
 from perception_loops import KINDS, ROUND, drive
-from perception_measures import measure
 from perception_real import cars
-from perception_scenes import DRIFTS, record
+from perception_scenes import DRIFTS, SCENES, record
 from qpavoid.lab.sensing.lidar import LidarSettings
 
 LIDAR = LidarSettings(beams=180)
@@ -25,10 +24,10 @@ def test_a_tracker_that_knows_the_truth_is_right_and_one_that_invents_is_not():
         return known[np.isfinite(known[:, 0])]
 
     right = measure(made, knows)
-    assert right.known == right.to_know > 100
-    assert right.false == 0 and max(right.speed_errors) < 1e-6
+    assert all(right["right"]) and len(right["right"]) > 100
+    assert not any(right["false"]) and max(right["speed_errors"]) < 1e-6
     wrong = measure(made, lambda *_: np.array([[1.0, -3.0, 0.5, 0.0]]))
-    assert wrong.false > 0.8 * wrong.scans and wrong.known < 0.1 * wrong.to_know
+    assert np.mean(wrong["false"]) > 0.8 and np.mean(wrong["right"]) < 0.1
 
 
 def test_odometry_drifts_by_as_much_as_is_asked_for():
@@ -40,11 +39,11 @@ def test_odometry_drifts_by_as_much_as_is_asked_for():
 
 def test_a_walker_is_known_and_nothing_else_moves():
     found = run(("alone", EXACT, "none", 1))
-    assert found.known > 0.95 * found.to_know
-    assert np.median(found.speed_errors) < 0.03
+    assert np.mean(found["right"]) > 0.95
+    assert np.median(found["speed_errors"]) < 0.03
     for lidar in (LIDAR, FAULTY):
         made = record(SCENES["turning"](0), lidar)
-        assert measure(made, tracker(made)).false == 0
+        assert not any(measure(made, tracker(made))["false"])
 
 
 def test_the_faulty_sensor_loses_as_many_echoes_as_the_real_one():
