@@ -195,7 +195,8 @@ def _read(path: Path, columns: list[str] | None = None) -> pa.Table:
                 heads = map(file.metadata.row_group, range(file.num_row_groups))
                 if sum(head.total_byte_size for head in heads) > MOST_SHARD:
                     raise DataError(f"{path}: too many bytes unpacked")
-                table = file.read(columns)
+                # A thread that still holds our bytes at exit aborts the process.
+                table = file.read(columns, use_threads=False)
             known = [SCHEMA.field(name) for name in columns or ("run", *ORDER)]
             if [table.schema.field(field.name) for field in known] != known:
                 raise DataError(f"{path}: columns of other kinds")
