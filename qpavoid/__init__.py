@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from qpavoid.model.estimate import VelocityEstimator
     from qpavoid.model.footprint import Footprint
     from qpavoid.model.obstacles import Obstacles
+    from qpavoid.model.prediction import Tracks
     from qpavoid.model.robot import Limits, Robot
     from qpavoid.perception.perception import Perception
     from qpavoid.perception.settings import Lidar, PerceptionSettings
@@ -83,6 +84,7 @@ _HOME = {
     "SolveStatus": "qp.problem",
     "Stamps": "avoidance.inputs",
     "Status": "avoidance.decision",
+    "Tracks": "model.prediction",
     "UnknownNameError": "errors",
     "VelocityEstimator": "model.estimate",
     "back_end_names": "qp.solve",

@@ -33,6 +33,7 @@ from qpavoid.model.contacts import clearance_of
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import TINY, arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.prediction import Prediction, Predictor
 from qpavoid.model.robot import Robot
 from qpavoid.model.validation import as_number, as_pose, as_rows, check_finite
 from qpavoid.perception.perception import Perception
@@ -186,6 +187,9 @@ class Guide:
         guide: Of the candidates, and of stall and block.
         perception: Of scans; default one LiDAR all round, at the first scan.
         freshness: Greatest ages of the inputs of :meth:`step`, and when a fault ends.
+        predict: Velocities of moving discs from their :class:`Tracks`. Candidates are
+            rated, and the verdict holds, for the motion that it predicts. Default: they
+            keep their measured velocities.
 
     Attributes:
         robot: Footprint and limits.
@@ -199,10 +203,14 @@ class Guide:
         guide: GuideSettings | None = None,
         perception: Perception | None = None,
         freshness: Freshness | None = None,
+        predict: Predictor | None = None,
     ) -> None:
         self.robot = robot
         self.settings = settings if settings is not None else AvoidanceSettings()
         self._sight = Sight(robot, perception, self.settings.dt)
+        self._prediction = None
+        if predict is not None:
+            self._prediction = Prediction(predict, self.settings.dt)
         self._guide, self._limits = guide or GuideSettings(), robot.limit_vector
         self._safety = SafetyFilter(robot, self.settings, freshness=freshness)
         self._rest = Rest(robot.limits, self.settings.dt)
@@ -421,6 +429,8 @@ class Guide:
         self._driven = as_driven((v, omega), self._limits)
         self._rest.begin(True)
         self._sight.forget()
+        if self._prediction is not None:
+            self._prediction.forget()
 
     def left(self, pose: Pose) -> tuple[float, float]:
         """Return the distance of the end of the path from a pose, m and rad."""
@@ -507,6 +517,8 @@ class Guide:
         at, seen = as_pose(pose, "pose"), self._sight.see(pose, *given)
         if driven is not None:
             self._driven = as_driven(driven, self._limits)
+        if self._prediction is not None:
+            seen = self._prediction.see(seen, at, self._driven)
         before, self._pose = self._pose or at, at
         x, y, _ = arc(*before, *self._driven, self.settings.dt)
         if math.dist((x, y), at[:2]) > JUMP:  # moved by hand, or relocalised
