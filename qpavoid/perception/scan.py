@@ -76,7 +76,7 @@ MOST_BORDER = 3
 NO_ECHO_FREE, NO_ECHO_UNKNOWN = 1.0, 2.0
 """Meaning of a beam without an echo; 0: it is found out."""
 
-TRIPLE_ALIKE, LEAST_TRIPLES, LOST, TRIPLES_KEPT, FAR_ECHO = 0.3, 300.0, 0.01, 0.998, 0.5
+TRIPLE_ALIKE, LEAST_TRIPLES, LOST, TRIPLES_KEPT, FAR_ECHO = 0.3, 300.0, 0.08, 0.998, 0.5
 """m by which two neighbours of a lost echo differ at most; number of such triples from
 which their share of lost echoes counts; the share from which no echo is unknown; share
 of the counts that is kept from scan to scan; share of the greatest range beyond which

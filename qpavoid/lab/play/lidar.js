@@ -38,7 +38,7 @@ const Lidar = (() => {
       const [x, y, heading] = this.mount;
       const sensor = {
         mount: [x, y, round ? heading + (0.5 * view) / n : heading], step, range_max: this.range,
-        round: Number(round && n > 1), angle_error: sizes.angle_error, no_echo: this.dropout ? 0 : sizes.no_echo_free,
+        round: Number(round && n > 1), angle_error: sizes.angle_error, no_echo: sizes.no_echo_free,
       };
       const angles = middles.map((_, k) => step * k - 0.5 * width);
       const beams = kernel.matrix(angles.map((angle) => [Math.cos(angle), Math.sin(angle), 0, 0]), 4);

@@ -96,7 +96,7 @@ class LidarSettings:
             range_min=0.0,
             sweep=self.sweep,
             delay=self.delay,
-            no_echo="auto" if self.dropout or self.fade else "free",
+            no_echo="auto" if self.fade else "free",
         )
 
 
