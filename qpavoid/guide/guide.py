@@ -187,9 +187,8 @@ class Guide:
         guide: Of the candidates, and of stall and block.
         perception: Of scans; default one LiDAR all round, at the first scan.
         freshness: Greatest ages of the inputs of :meth:`step`, and when a fault ends.
-        predict: Velocities of moving discs from their :class:`Tracks`. Candidates are
-            rated, and the verdict holds, for the motion that it predicts. Default: they
-            keep their measured velocities.
+        predict: Velocities of moving discs from their :class:`Tracks`, for the scores
+            of candidates. Default: the measured ones, which the filter always uses.
 
     Attributes:
         robot: Footprint and limits.
@@ -517,8 +516,9 @@ class Guide:
         at, seen = as_pose(pose, "pose"), self._sight.see(pose, *given)
         if driven is not None:
             self._driven = as_driven(driven, self._limits)
+        rated = seen
         if self._prediction is not None:
-            seen = self._prediction.see(seen, at, self._driven)
+            rated = self._prediction.see(seen, at, self._driven)
         before, self._pose = self._pose or at, at
         x, y, _ = arc(*before, *self._driven, self.settings.dt)
         if math.dist((x, y), at[:2]) > JUMP:  # moved by hand, or relocalised
@@ -531,7 +531,7 @@ class Guide:
             tracking = tracking._replace(desired=error[:2], error=error, ahead=ahead)
         v = min(max(tracking.desired[0], -speed), speed)
         tracking = tracking._replace(desired=(v, tracking.desired[1]))
-        progress, v, omega = self._stage(seen, tracking)
+        progress, v, omega = self._stage(rated, tracking)
         late = self._headway.time >= self._guide.blocked_time
         self._blocked = late or progress is Progress.BLOCKED
         v = min(max(v, -speed), speed)

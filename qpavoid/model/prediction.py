@@ -1,9 +1,9 @@
 """Prediction of moving discs: velocities for the coming seconds, by a given function.
 
 A *predictor* maps the recent positions of all moving discs to one velocity each, that
-of their motion over the coming seconds, and its standard deviation. These replace the
-measured ones. So a predicted motion is straight, and all that is computed of it stays
-what it is of constant velocities: rows of the QP, ratings, verdict.
+of their motion over the coming seconds, and its standard deviation. The guide scores
+candidates among discs of these velocities; QP, verdict and theorems keep the measured
+ones: a wrong prediction does not weaken what they promise.
 """
 
 import math

@@ -63,8 +63,7 @@ def test_tracks_are_the_positions_of_the_past(dt):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_predicted_motion_is_rated_and_verified(seed):
-    """Each decision is that among discs of these velocities, without a predictor."""
+def test_candidates_are_rated_among_the_predicted_and_filtered_among_the_measured(seed):
     rng = np.random.default_rng(seed)
     pose = (1.0, 2.0, 0.7)
     there = rng.uniform(-2.0, 2.0, (4, 2)) + (3.0, 0.0)
@@ -80,11 +79,29 @@ def test_the_predicted_motion_is_rated_and_verified(seed):
     differs = False
     for _ in range(30):
         worlds = zip(guides, (told, known, told), strict=True)
-        a, b, plain = (guide.step(pose, world) for guide, world in worlds)
-        assert (a.v, a.omega) == pytest.approx((b.v, b.omega), abs=1e-9)
-        assert a.status is b.status
-        differs |= abs(a.v - plain.v) + abs(a.omega - plain.omega) > 0.01
+        found = [guide._desire(pose, (x, None, None), None) for guide, x in worlds]
+        assert found[0][:2] == pytest.approx(found[1][:2], abs=1e-9)
+        assert found[0][2] is told
+        differs |= found[0][:2] != pytest.approx(found[2][:2], abs=0.01)
     assert differs
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_verdict_holds_for_any_prediction(seed):
+    """Discs that keep their velocity, and are predicted to stand."""
+    rng = np.random.default_rng(seed)
+    start = rng.uniform((1.5, 2.0), (5.0, 3.0), (3, 2)) * ((1, 1), (1, -1), (1, 1))
+    velocity = np.column_stack([rng.uniform(-0.3, 0.3, 3), -start[:, 1] / 3.0])
+    guide = qp.Guide(ROBOT, predict=lambda t: np.zeros((len(t.radii), 3)))
+    guide.go_to(HOME, (6.0, 0.0, 0.0), speed=1.0)
+    pose, dt = HOME, guide.settings.dt
+    least = guide.settings.radius.r_min(0.0)
+    for k in range(round(8.0 / dt)):
+        discs = np.column_stack([start + k * dt * velocity, np.full(3, 0.25)])
+        world = qp.Obstacles(discs=discs, disc_velocities=velocity)
+        step = guide.step(pose, world.seen_from(pose))
+        assert step.clearance > least - 1e-3
+        pose = arc(*pose, step.v, step.omega, dt)
 
 
 def fails(tracks):
