@@ -218,7 +218,7 @@ class Guide:
         self._bounds: Bounds | None = None
         self._mode = float(CLEAR)
         self._resigned: Array | None = None
-        self._arrived = False
+        self._arrived, self._quiet = False, math.inf
         self._from, self._asked = (0.0, 0.0, 0.0), Asked(np.zeros(3), math.inf)
         plan = standing(self._from)
         law = StationTracker(Gains(), StationKeeping(), robot.limits)
@@ -555,8 +555,9 @@ class Guide:
         e_x, e_y, turn = tracking.error
         off = max(math.hypot(e_x, e_y), abs(turn))
         occupied = off >= EXACT and self._is_occupied(at, seen)
-        if near and ended and not occupied:
-            # A robot that evades at its goal makes no progress to it.
+        evades = near and ended and not occupied  # it makes no progress to its goal
+        self._quiet = 0.0 if evades else self._quiet + self.settings.dt
+        if evades and self._arrived:
             headway.restart()
         at_goal = occupied or (ended and headway.left < AT_GOAL)
         detour = math.inf
@@ -573,7 +574,7 @@ class Guide:
         least = s.blocked_time if at_goal else 0.5 * s.blocked_time
         if occupied:
             least = LEAVE * s.blocked_time if self._arrived else s.stall_time
-        late = headway.time >= least
+        late = min(headway.time, self._quiet) >= least
         late = (late or self._resigned is not None) and (occupied or not near)
         if late and not at_goal and state[STAGE_MODE] == CLEAR:
             state[STILL] = max(state[STILL], s.stall_time)

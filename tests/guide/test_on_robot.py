@@ -163,6 +163,24 @@ def test_a_detour_of_a_minute_is_not_blocked():
     assert math.dist(rows[-1].pose[:2], GOAL[:2]) < 0.02
 
 
+def test_kept_from_its_goal_by_people_it_is_blocked():
+    """Regression: near its goal the time without progress began anew."""
+
+    def circling(time):
+        angles = 0.5 / 1.2 * time + np.arange(5) * math.tau / 5
+        ways = np.column_stack([np.cos(angles), np.sin(angles)])
+        discs = np.column_stack([GOAL[:2] + 1.2 * ways, np.full(5, 0.3)])
+        velocities = 0.5 * np.column_stack([-ways[:, 1], ways[:, 0]])
+        return qp.Obstacles(discs=discs, disc_velocities=velocities)
+
+    guide = qp.Guide(cart(), qp.AvoidanceSettings(dt=0.1))
+    guide.go_to(HOME, GOAL, 0.6)
+    rows = loop(guide, 40.0, circling)
+    first = next(r.time for r in rows if r.blocked)
+    assert first < 20.0
+    assert np.mean([r.blocked for r in rows if r.time > first]) > 0.95
+
+
 AREA = [(-0.6, -0.4), (0.8, -0.4), (0.8, 0.2), (0.1, 0.2), (0.1, 0.7), (-0.6, 0.7)]
 
 
