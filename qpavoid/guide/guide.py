@@ -216,9 +216,8 @@ class Guide:
         self._driven, self._clearance = (0.0, 0.0), math.inf
         self._pose: Pose | None = None
         self._bounds: Bounds | None = None
-        self._mode = float(CLEAR)
         self._resigned: Array | None = None
-        self._arrived, self._quiet = False, math.inf
+        self._mode, self._arrived, self._quiet = float(CLEAR), False, math.inf
         self._from, self._asked = (0.0, 0.0, 0.0), Asked(np.zeros(3), math.inf)
         plan = standing(self._from)
         law = StationTracker(Gains(), StationKeeping(), robot.limits)
