@@ -36,7 +36,7 @@ CEILINGS = {
     "robot": 21_990,
     "cli": 1_179,
     "lab": 13_540,
-    "comparisons": 6_977,
+    "comparisons": 6_707,
     "tests": 26_034,
 }
 """Lines of Python; ``cli`` holds all of the package but robot and lab. These numbers

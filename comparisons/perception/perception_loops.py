@@ -113,13 +113,9 @@ def rooms(seed: int) -> Task:
 
 
 def to_and_fro(begin: Array, end: Array, speed: float, phase: float) -> Mover:
-    """Return a person who walks between two places, and rests at both.
+    """Return a person who walks between two places, x, y, and rests at both.
 
-    Args:
-        begin: x, y, m.
-        end: x, y, m.
-        speed: m/s, reached with :data:`START`.
-        phase: s for which the person has walked at time 0.
+    ``phase``: s for which the person has walked at time 0.
     """
     length, ramp = math.dist(begin, end), speed / START
     steps = [0.0, ramp, length / speed - ramp, ramp, REST]

@@ -47,17 +47,10 @@ of distances, and σ of the heading per √rad turned, rad."""
 
 
 class Mover(NamedTuple):
-    """A body in motion.
-
-    Attributes:
-        path: Of its place and heading.
-        shape: ``person``, ``shins``, or the vertices (n, 2) of a polygon, m.
-        begins: s; it is there from then on.
-        ends: s; it is there until then.
-    """
+    """A body in motion, in the world from a time to another one, s."""
 
     path: Path
-    shape: str | Array = "person"
+    shape: str | Array = "person"  # or "shins", or the vertices (n, 2) of a polygon, m
     begins: float = 0.0
     ends: float = math.inf
 
@@ -93,21 +86,13 @@ class Mover(NamedTuple):
 
 @dataclass
 class Scene:
-    """A world, its movers, and the way of the robot.
+    """A world, its movers, and the way of the robot."""
 
-    Attributes:
-        walls: (n, 4) x1, y1, x2, y2, m.
-        posts: (n, 3) x, y, radius of discs at rest, m.
-        movers: Bodies in motion.
-        robot: True motion of the robot.
-        duration: s.
-    """
-
-    walls: Sequence[Line]
-    posts: Sequence[Line] = ()
+    walls: Sequence[Line]  # x1, y1, x2, y2, m
+    posts: Sequence[Line] = ()  # discs at rest: x, y, radius, m
     movers: list[Mover] = field(default_factory=list)
     robot: Path = lambda time: (0.0, 0.0, 0.0)
-    duration: float = 20.0
+    duration: float = 20.0  # s
 
     def obstacles(self, time: float) -> qp.Obstacles:
         """Return everything that a LiDAR sees at a time, world frame."""
@@ -119,25 +104,15 @@ class Scene:
 
 
 class Recorded(NamedTuple):
-    """Scans of a scene, and the truth.
-
-    Attributes:
-        lidar: Geometry of the sensor.
-        stamps: (n,) s.
-        ranges: (n, beams) m; ``inf``: no echo within range; NaN: lost.
-        odometry: (n, 3) x, y, heading with drift, m, m, rad.
-        poses: (n, 3) true ones.
-        truth: (n, movers, 4) x, y, v_x, v_y; NaN where a mover is not there.
-        reach: (movers,) greatest distance of its outline from its place, m.
-    """
+    """Scans of a scene, and the truth."""
 
     lidar: qp.Lidar
-    stamps: Array
-    ranges: Array
-    odometry: Array
-    poses: Array
-    truth: Array
-    reach: list[float]
+    stamps: Array  # (n,) s
+    ranges: Array  # (n, beams) m; inf: no echo within range; NaN: lost
+    odometry: Array  # (n, 3) x, y, heading with drift, m, m, rad
+    poses: Array  # (n, 3), true
+    truth: Array  # (n, movers, 4) x, y, v_x, v_y; NaN where a mover is not there
+    reach: list[float]  # of movers: distance of the outline from the place, m
 
 
 def record(

@@ -1,4 +1,7 @@
-"""Recorded problems answered by the exported filter, compiled: agreement and time."""
+"""Recorded problems answered by the exported filter, compiled: agreement and time.
+
+Run: python comparisons/timing/steps.py
+"""
 
 import shutil
 import subprocess
@@ -37,9 +40,7 @@ def problem_type(capacity: Capacity) -> np.dtype[Any]:
     """Return the record of a step that the replay reads.
 
     ``v`` and ``omega`` are desired; where ``anew`` is 1 a new run begins with
-    ``last_v`` and ``last_omega`` driven; where it is 2 it goes on with these driven. Of
-    ``obstacles``, ``age`` and ``points``, ``discs``, ``disc_velocities``, ``walls``,
-    ``corners``, ``polygons`` with their numbers ``n_points`` and so on.
+    ``last_v`` and ``last_omega`` driven; where it is 2 it goes on with these driven.
     """
     obstacles = [
         ("age", np.float64),
@@ -57,11 +58,7 @@ def problem_type(capacity: Capacity) -> np.dtype[Any]:
 
 
 def compile_replay(folder: str | PathLike[str], flags: Sequence[str] = ()) -> Path:
-    """Compile an exported filter with the replay, and return the program.
-
-    Raises:
-        QPAvoidError: There is no C compiler, or it complains; the message says why.
-    """
+    """Compile an exported filter with the replay; QPAvoidError: it does not compile."""
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None:
         raise QPAvoidError("there is no C compiler (gcc or cc)")
@@ -99,15 +96,7 @@ def step_times(
 ) -> Array:
     """Return the time in ns of one exported step at each scan, in a single run.
 
-    Args:
-        robot: Footprint and limits.
-        settings: Of the filter.
-        scans: Desired v (m/s) and ω (rad/s), and (N, 2) points in m.
-        ahead: Look ahead.
-        repeat: A time is the mean of so many equal steps, all from the same memory.
-
-    Raises:
-        QPAvoidError: There is no C compiler.
+    A time is the mean of ``repeat`` equal steps, all from the same memory.
     """
     capacity = Capacity(discs=1, points=max(len(points) for *_, points in scans))
     problems = np.zeros(len(scans), problem_type(capacity))

@@ -1,21 +1,21 @@
-"""Closed loops from which problems are recorded: one robot among moving discs."""
+"""Closed loops from which problems are recorded: one robot among moving discs.
+
+Run: python comparisons/timing/solvers.py
+"""
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.model.kinematics import arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.types import Array
+from qpavoid.types import Array, Pose, Twist
 
-DT = 0.05
-"""s, control step."""
-
-STEPS = 100
-"""Control steps after which a loop ends, if it does not end at a contact."""
+DT, STEPS, NUMBER = 0.05, 100, 8
+"""s, control step; steps after which a loop ends, if not at a contact; discs."""
 
 ARENA = 4.0
 """m; a disc that is farther away in x or y comes back on the other side."""
@@ -24,57 +24,31 @@ BEAMS = 720
 """Of the scan that drives the robot; other scans start from as many."""
 
 
-@dataclass(frozen=True, eq=False)
-class Moment:
-    """Arguments of the filter at one control step.
+class Moment(NamedTuple):
+    """Arguments of the filter at one control step."""
 
-    Attributes:
-        v: Desired forward speed, m/s.
-        omega: Desired yaw rate, rad/s.
-        seen: The discs with their velocities, robot frame.
-        step: Number of the control step in its loop.
-    """
-
-    v: float
-    omega: float
-    seen: Obstacles
-    step: int
+    v: float  # desired, m/s
+    omega: float  # desired, rad/s
+    seen: Obstacles  # discs with their velocities, robot frame
+    step: int  # number of the control step in its loop
 
 
-@dataclass(frozen=True, eq=False)
-class Discs:
-    """Discs that move straight on, and stay near the robot; world frame.
+def random_discs(rng: np.random.Generator) -> Obstacles:
+    """Return discs of 0.15 to 0.5 m radius at up to 0.8 m/s round the origin."""
+    bearing, course = rng.uniform(0.0, 2 * math.pi, (2, NUMBER))
+    distance = rng.uniform(2.0, ARENA, NUMBER)
+    speed, radius = rng.uniform(0.0, 0.8, NUMBER), rng.uniform(0.15, 0.5, NUMBER)
+    x, y = distance * np.cos(bearing), distance * np.sin(bearing)
+    velocities = np.column_stack([speed * np.cos(course), speed * np.sin(course)])
+    return Obstacles(discs=np.column_stack([x, y, radius]), disc_velocities=velocities)
 
-    Attributes:
-        discs: (M, 3) x, y, radius, m.
-        velocities: (M, 2) m/s.
-    """
 
-    discs: Array
-    velocities: Array
-
-    @classmethod
-    def random(cls, rng: np.random.Generator, number: int = 8) -> "Discs":
-        """Return discs of 0.15 to 0.5 m radius at up to 0.8 m/s round the origin."""
-        bearing, course = rng.uniform(0.0, 2 * math.pi, (2, number))
-        distance = rng.uniform(2.0, ARENA, number)
-        speed = rng.uniform(0.0, 0.8, number)
-        radius = rng.uniform(0.15, 0.5, number)
-        x, y = distance * np.cos(bearing), distance * np.sin(bearing)
-        velocities = np.column_stack([speed * np.cos(course), speed * np.sin(course)])
-        return cls(np.column_stack([x, y, radius]), velocities)
-
-    def after(self, dt: float, pose: tuple[float, float, float]) -> "Discs":
-        """Return the discs ``dt`` s later, within the arena round a robot's pose."""
-        moved = self.discs.copy()
-        moved[:, :2] += self.velocities * dt - pose[:2]
-        moved[:, :2] = (moved[:, :2] + ARENA) % (2 * ARENA) - ARENA + pose[:2]
-        return Discs(moved, self.velocities)
-
-    def seen_from(self, pose: tuple[float, float, float]) -> Obstacles:
-        """Return the discs in the frame of a robot at the pose."""
-        here = Obstacles(discs=self.discs, disc_velocities=self.velocities)
-        return here.seen_from(pose)
+def moved(discs: Obstacles, pose: Pose) -> Obstacles:
+    """Return the discs a control step later, within the arena round a pose."""
+    places = discs.discs
+    places[:, :2] += DT * discs.disc_velocities - pose[:2]
+    places[:, :2] = (places[:, :2] + ARENA) % (2 * ARENA) - ARENA + pose[:2]
+    return Obstacles(discs=places, disc_velocities=discs.disc_velocities)
 
 
 def drive(safety: SafetyFilter, rng: np.random.Generator) -> Iterator[Moment]:
@@ -84,39 +58,32 @@ def drive(safety: SafetyFilter, rng: np.random.Generator) -> Iterator[Moment]:
     loop follow each other; a new loop starts after :data:`STEPS` or at a contact.
     """
     while True:
-        pose, discs = (0.0, 0.0, 0.0), Discs.random(rng)
+        pose, discs = (0.0, 0.0, 0.0), random_discs(rng)
         goal = rng.uniform(-ARENA, ARENA, 2)
         for step in range(STEPS):
             seen = discs.seen_from(pose)
-            v, omega = _towards(goal, pose)
+            v, omega = towards(goal, pose)
             yield Moment(v, omega, seen, step)
-            echoes, velocities = scan(seen, BEAMS)
-            decision = safety.filter(
-                v, omega, Obstacles(discs=echoes, disc_velocities=velocities)
-            )
+            decision = safety.filter(v, omega, scan(seen, BEAMS))
             if decision.clearance < 0.0:
                 break
             pose = arc(*pose, decision.v, decision.omega, DT)
-            discs = discs.after(DT, pose)
+            discs = moved(discs, pose)
 
 
-def _towards(goal: Array, pose: tuple[float, float, float]) -> tuple[float, float]:
+def towards(goal: Array, pose: Pose) -> Twist:
     """Return a desired twist, m/s and rad/s: turn to the goal, and drive past it."""
     bearing = math.atan2(goal[1] - pose[1], goal[0] - pose[0])
     error = wrap_angle(bearing - pose[2])
     return 0.8 * max(math.cos(error), 0.0), min(max(2.0 * error, -1.2), 1.2)
 
 
-def scan(seen: Obstacles, beams: int) -> tuple[Array, Array]:
-    """Return the echoes of evenly spaced beams from the robot's origin.
+def scan(seen: Obstacles, beams: int) -> Obstacles:
+    """Return the nearest echoes of evenly spaced beams from the robot's origin.
 
-    Args:
-        seen: Discs, robot frame; one that covers the origin gives no echo.
-        beams: Their number; with a multiple of 4, two are exactly abeam of the axle.
-
-    Returns:
-        (n, 3) the nearest echo of each beam that has one, as a disc of radius 0, m, in
-        the order of the bearing; (n, 2) the velocity of its disc, m/s.
+    They are discs of radius 0 in the order of the bearing, with the velocities of
+    those seen. A disc that covers the origin gives no echo. With a multiple of 4
+    beams, two are exactly abeam of the axle.
     """
     bearing = 2 * math.pi * np.arange(beams) / beams
     beam = np.column_stack([np.cos(bearing), np.sin(bearing)])
@@ -128,5 +95,7 @@ def scan(seen: Obstacles, beams: int) -> tuple[Array, Array]:
     disc, shortest = ranges.argmin(axis=1), ranges.min(axis=1)
     echo = shortest < math.inf
     points = beam[echo] * shortest[echo, None]
-    echoes = np.column_stack([points, np.zeros(len(points))])
-    return echoes, seen.disc_velocities[disc[echo]]
+    return Obstacles(
+        discs=np.insert(points, 2, 0.0, axis=1),
+        disc_velocities=seen.disc_velocities[disc[echo]],
+    )

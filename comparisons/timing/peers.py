@@ -1,20 +1,26 @@
-"""Peers of the timing study: solvers by their own interfaces, and cbfpy.
+"""Solvers of the timing study: the package's back ends, and peers by their interfaces.
 
-Each is a back end like those of :mod:`qpavoid.qp.solve`: a function from a
+A peer is a back end like those of :mod:`qpavoid.qp.solve`: a function from a
 :class:`ScaledProblem` to z, or NaN where it claims no answer.
+
+Run: python comparisons/timing/solvers.py
 """
 
 import math
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
+from qpavoid.qp.backend_osqp import SETTINGS, OSQPBackEnd
+from qpavoid.qp.backend_qpsolvers import TIGHT
 from qpavoid.qp.problem import ScaledProblem
+from qpavoid.qp.solve import BACK_ENDS, BackEnd, BackEndEntry
 from qpavoid.types import Array
 
 
@@ -23,9 +29,6 @@ class Workspace(ABC):
 
     It has as many rows as the first problem; later ones may have fewer, the rest is
     0 ≥ −1. With more rows it is set up again, for at least twice as many.
-
-    Args:
-        settings: Of the solver; what is not named is its default.
     """
 
     module: str
@@ -128,20 +131,6 @@ class Quadprog(Workspace):
         return z
 
 
-CBFPY: Mapping[str, Any] = {"backend": "elastiqp", "solver_tol": 1e-8}
-"""Settings of the faster of its two back ends."""
-
-
-def prepare(solver: str) -> None:
-    """Import cbfpy and its solver with the settings that cbfpy advises."""
-    os.environ["JAX_ENABLE_X64"] = "1"
-    os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false"
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    import_module("jax").config.update("jax_enable_x64", True)
-    import_module("cbfpy")
-    import_module(solver)
-
-
 class Cbfpy(Workspace):
     """Safety filter of cbfpy on the same rows.
 
@@ -154,8 +143,12 @@ class Cbfpy(Workspace):
     module = "cbfpy"
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
-        prepare(settings["backend"])
+        os.environ["JAX_ENABLE_X64"] = "1"  # as cbfpy advises
+        os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false"
+        os.environ["OPENBLAS_NUM_THREADS"] = "1"
+        import_module("jax").config.update("jax_enable_x64", True)
         super().__init__(settings)
+        import_module(settings["backend"])
 
     def _set_up(self, problem: ScaledProblem) -> None:
         jnp, n = import_module("jax.numpy"), len(problem.target)
@@ -191,3 +184,30 @@ class Cbfpy(Workspace):
 
     def _offsets(self, problem: ScaledProblem) -> Array:
         return np.concatenate([problem.offsets, problem.lower, -problem.upper])
+
+
+def _entry(kind: Callable[..., BackEnd], module: str, settings: Any) -> BackEndEntry:
+    extra = "quadprog" if module == "quadprog" else "bench"
+    return BackEndEntry(partial(kind, settings), module, extra)
+
+
+LOOSE: dict[str, Any] = {**SETTINGS, "eps_abs": 1e-6, "eps_rel": 1e-6}
+"""OSQP's settings with a tolerance of 1e-6."""
+
+CBFPY: Mapping[str, Any] = {"backend": "elastiqp", "solver_tol": 1e-8}
+"""Settings of the faster of its two back ends."""
+
+CONTENDERS: dict[str, BackEndEntry] = {
+    "exact": BACK_ENDS["exact"],
+    "daqp": _entry(Daqp, "daqp", TIGHT["daqp"]),
+    "daqp default": _entry(Daqp, "daqp", {}),
+    "osqp": BACK_ENDS["osqp"],
+    "osqp 1e-6": _entry(OSQPBackEnd, "osqp", LOOSE),
+    "osqp default": _entry(OSQPBackEnd, "osqp", {"verbose": False}),
+    "piqp": _entry(Piqp, "piqp", TIGHT["piqp"]),
+    "quadprog": _entry(Quadprog, "quadprog", {}),
+    **{name: entry for name, entry in BACK_ENDS.items() if name.startswith("casadi:")},
+    **{name: entry for name, entry in BACK_ENDS.items() if name.startswith("qpsolv")},
+    "cbfpy:elastiqp": _entry(Cbfpy, "cbfpy", CBFPY),
+}
+"""All solvers of the study by name."""

@@ -1,15 +1,17 @@
-"""QPs and scans recorded from closed loops; each QP with its certified answer."""
+"""QPs and scans recorded from closed loops; each QP with its certified answer.
+
+Run: python comparisons/timing/solvers.py
+"""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.optimize import nnls
 
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.qp.problem import FilterProblem, ScaledProblem
 from qpavoid.qp.solve import exact_twist, required_slack
@@ -23,57 +25,31 @@ them either way."""
 DENSEST = 25
 """Beams for each row that is asked for, beyond which a scan is given up."""
 
-
-@dataclass(frozen=True, eq=False)
-class RecordedProblem:
-    """A QP of a control loop and its certified answer.
-
-    Attributes:
-        problem: The QP, with exactly as many rows as asked for.
-        scaled: Argument of a back end: rows normalised, null rows left out.
-        slack: Least slack of the scaled rows, scaled m/s; 0 if feasible.
-        optimum: (2,) certified z; NaN if infeasible.
-        residual: Of its optimality conditions, scaled m/s; see :func:`polished`.
-    """
-
-    problem: FilterProblem
-    scaled: ScaledProblem
-    slack: float
-    optimum: Array
-    residual: float
+Scan: TypeAlias = tuple[float, float, Array]
+"""Arguments of a filter call: desired v (m/s) and ω (rad/s), and points (n, 2), m."""
 
 
-class Scan(NamedTuple):
-    """A scan and the twist that is desired meanwhile: the arguments of a filter call.
+class RecordedProblem(NamedTuple):
+    """A QP of a control loop and its certified answer."""
 
-    Attributes:
-        v: m/s.
-        omega: rad/s.
-        points: (N, 2) echoes, robot frame, m.
-    """
-
-    v: float
-    omega: float
-    points: Array
+    problem: FilterProblem  # with exactly as many rows as asked for
+    scaled: ScaledProblem  # argument of a back end: normalised, without null rows
+    slack: float  # least one of the scaled rows, scaled m/s; 0 if feasible
+    optimum: Array  # (2,) certified z; NaN if infeasible
+    residual: float  # of its optimality conditions, scaled m/s
 
 
 def record_problems(rows: int, count: int, seed: int = 0) -> list[RecordedProblem]:
     """Return ``count`` problems with ``rows`` rows each, in the order of closed loops.
 
-    The paper's robot drives among moving discs, as :mod:`timing.loops`
-    says. At every step a scan samples the facing arcs; an echo is a disc of radius 0
-    that moves with its disc. The scan is so dense that at least ``rows`` of its echoes
-    give a row that can matter (the filter leaves out all others), and an even subset
-    of those rows is kept: a coarser scan. Every tenth scan has each echo twice, as
-    sensors with double returns give, hence duplicate rows.
+    The paper's robot drives among moving discs, as :mod:`timing.loops` says. At every
+    step a scan samples the facing arcs. It is so dense that at least ``rows`` of its
+    echoes give a row that can matter (the filter leaves out all others), and an even
+    subset of those rows is kept: a coarser scan. Every tenth scan has each echo twice,
+    as sensors with double returns give, hence duplicate rows.
 
     Steps without so many rows are left out, and problems that are infeasible by less
     than :data:`CLEAR`. The same arguments give the same problems.
-
-    Args:
-        rows: Rows of each problem.
-        count: How many problems.
-        seed: Of discs and goals.
     """
     safety = SafetyFilter(Robot.mir100(), ahead=False)
     moments = drive(safety, np.random.default_rng(seed))
@@ -89,23 +65,24 @@ def record_scans(points: int, count: int, seed: int = 0) -> list[Scan]:
     which some echo gives a row.
     """
     safety = SafetyFilter(Robot.mir100(), ahead=False)
-    scans: list[Scan] = []
-    for moment in drive(safety, np.random.default_rng(seed)):
-        echoes, _ = scan(moment.seen, BEAMS)
-        if not len(echoes) or not len(safety.problem(0.0, 0.0, echoes[:, :2]).b):
-            continue
-        beams = 4 * math.ceil(0.3 * BEAMS * max(1.0, points / len(echoes)))
-        echoes, _ = scan(moment.seen, beams)
-        total = len(echoes)
-        if total < points:
-            continue
-        nearest = int(np.hypot(echoes[:, 0], echoes[:, 1]).argmin())
-        places = (nearest + np.arange(points) * total // points) % total
-        kept = np.ascontiguousarray(echoes[places, :2])
-        scans.append(Scan(moment.v, moment.omega, kept))
-        if len(scans) == count:
-            break
-    return scans
+    moments = drive(safety, np.random.default_rng(seed))
+    scans = (scan_at(safety, moment, points) for moment in moments)
+    return list(islice((one for one in scans if one is not None), count))
+
+
+def scan_at(safety: SafetyFilter, moment: Moment, points: int) -> Scan | None:
+    """Return the scan of a moment; None if no echo gives a row."""
+    echoes = scan(moment.seen, BEAMS).discs[:, :2]
+    if not len(echoes) or not len(safety.problem(0.0, 0.0, echoes).b):
+        return None
+    beams = 4 * math.ceil(0.3 * BEAMS * max(1.0, points / len(echoes)))
+    echoes = scan(moment.seen, beams).discs[:, :2]
+    total = len(echoes)
+    if total < points:
+        return None
+    nearest = int(np.hypot(*echoes.T).argmin())
+    kept = echoes[(nearest + np.arange(points) * total // points) % total]
+    return moment.v, moment.omega, np.ascontiguousarray(kept)
 
 
 def problem_at(safety: SafetyFilter, moment: Moment, rows: int) -> FilterProblem | None:
@@ -114,20 +91,13 @@ def problem_at(safety: SafetyFilter, moment: Moment, rows: int) -> FilterProblem
     while found < rows:
         if beams > max(DENSEST * rows, BEAMS):
             return None
-        echoes, velocities = scan(moment.seen, beams)
-        full = safety.problem(
-            moment.v, moment.omega, Obstacles(discs=echoes, disc_velocities=velocities)
-        )
+        full = safety.problem(moment.v, moment.omega, scan(moment.seen, beams))
         found = len(full.b)
         beams = 4 * math.ceil(0.3 * beams * max(rows / max(found, 1), 1.0))
-    twice = moment.step % 10 == 9
-    kept = math.ceil(rows / 2) if twice else rows
-    places = np.linspace(0, found - 1, kept).round().astype(int)
-    if twice:
-        places = np.repeat(places, 2)[:rows]
-    return replace(
-        full, A=full.A[places], b=full.b[places], obstacle=full.obstacle[places]
-    )
+    twice = 2 if moment.step % 10 == 9 else 1
+    places = np.linspace(0, found - 1, math.ceil(rows / twice)).round().astype(int)
+    kept = np.repeat(places, twice)[:rows]
+    return replace(full, A=full.A[kept], b=full.b[kept], obstacle=full.obstacle[kept])
 
 
 def answered(problem: FilterProblem) -> RecordedProblem:
@@ -148,21 +118,18 @@ def polished(problem: ScaledProblem, z: Array) -> tuple[Array, float]:
     of target + Gᵀλ = z; the rows with λ > 0 are then solved as equations. What remains
     of the optimality conditions is the greatest violation and −min λ.
     """
-    n = len(z)
+    n, target = len(z), problem.target
     G = np.vstack([problem.normals, np.eye(n), -np.eye(n)])
     c = np.concatenate([problem.offsets, problem.lower, -problem.upper])
-    best = problem.target, float((c - G @ problem.target).max(initial=0.0))
+    best = target, float((c - G @ target).max(initial=0.0))
     for near in (1e-7, 1e-9, 1e-11):
         touched = np.flatnonzero(G @ z - c <= near)
         if not len(touched) or best[1] <= 1e-12:  # nnls aborts without columns
             break
-        multipliers = nnls(G[touched].T, z - problem.target)[0]
-        active = touched[multipliers > 0.0]
+        active = touched[nnls(G[touched].T, z - target)[0] > 0.0]
         rows = G[active]
-        exact = np.linalg.lstsq(
-            rows @ rows.T, c[active] - rows @ problem.target, rcond=None
-        )[0]
-        tried = problem.target + rows.T @ exact
+        exact = np.linalg.lstsq(rows @ rows.T, c[active] - rows @ target, rcond=None)[0]
+        tried = target + rows.T @ exact
         residual = max((c - G @ tried).max(), -exact.min(initial=0.0))
         best = min(best, (tried, float(residual)), key=lambda pair: pair[1])
     return best
@@ -170,12 +137,6 @@ def polished(problem: ScaledProblem, z: Array) -> tuple[Array, float]:
 
 def as_problem(scaled: ScaledProblem) -> FilterProblem:
     """Return the scaled problem as a problem of its own, with unit weights."""
-    return FilterProblem(
-        desired=scaled.target,
-        weights=np.ones(2),
-        A=scaled.normals,
-        b=scaled.offsets,
-        lower=scaled.lower,
-        upper=scaled.upper,
-        obstacle=np.arange(len(scaled.offsets)),
-    )
+    rows, box = (scaled.normals, scaled.offsets), (scaled.lower, scaled.upper)
+    obstacle = np.arange(len(scaled.offsets))
+    return FilterProblem(scaled.target, np.ones(2), *rows, *box, obstacle)

@@ -16,79 +16,53 @@ Peers come with ``pip install qpavoid[bench]``.
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from qpavoid.errors import MissingExtraError, QPAvoidError, UnknownNameError
 from qpavoid.qp.solve import BackEnd, find_back_end
-from timing.contenders import CONTENDERS
+from timing.peers import CONTENDERS
 from timing.recorded import record_problems
-from timing.tables import origins, pivot, write_tables
+from timing.tables import pivot, write_tables
 from timing.trials import FULL, QUICK, Case, Plan, Row, of_back_end, race
 
 ROWS = (5, 20, 100, 1000)
 
 
-def load(name: str) -> BackEnd:
-    """Return a solver by name, loaded.
-
-    Raises:
-        UnknownNameError: No such solver.
-        MissingExtraError: Its package, or one that it needs, is absent.
-    """
-    if name not in CONTENDERS:
-        if not name.startswith("qpsolvers:"):
-            raise UnknownNameError("back end", name, CONTENDERS)
-        return find_back_end(name).load()
-    try:
-        return CONTENDERS[name].load()
-    except (ImportError, UnknownNameError):  # qpsolvers knows what is installed alone
-        raise MissingExtraError(f"solver {name!r}", CONTENDERS[name].extra) from None
-
-
 def installed(names: Sequence[str]) -> dict[str, BackEnd]:
-    """Return solvers by name; without names all that are installed."""
-    found = {}
-    for name in names or CONTENDERS:
-        try:
-            found[name] = load(name)
-        except MissingExtraError:
-            if names:
-                raise
-            print(f"not installed: {name}")
-    return found
-
-
-def time_solvers(names: Sequence[str], rows: int, plan: Plan) -> list[Row]:
-    """Return a row per solver: size, and the columns of :func:`timing.trials.judge`.
-
-    Args:
-        names: Of the solvers.
-        rows: Of each problem.
-        plan: Number of problems and calls.
-    """
-    problems = record_problems(rows, plan.problems)
-    cases = [Case(p.scaled, p.optimum, p.scaled.scale) for p in problems]
-    contenders = {name: of_back_end(load(name)) for name in names}
-    found = race(contenders, cases, plan)
-    return [{"solver": name, "rows": rows, **row} for name, row in found.items()]
-
-
-def bench(out: Path, plan: Plan, names: Sequence[str] = ()) -> str:
-    """Time all solvers, write the tables, and return the short one.
+    """Return solvers by name, loaded; without names all that are installed.
 
     Raises:
         UnknownNameError: No such solver.
         MissingExtraError: The package of a named solver is absent.
     """
-    back_ends = installed(names)
-    settings = {name: getattr(x, "settings", {}) for name, x in back_ends.items()}
-    origin, table = origins(asdict(plan)) | {"settings": settings}, list[Row]()
+    found = {}
+    for name in names or CONTENDERS:
+        if name not in CONTENDERS:
+            found[name] = find_back_end(name).load()
+            continue
+        try:
+            found[name] = CONTENDERS[name].load()
+        except (ImportError, UnknownNameError):  # qpsolvers knows what is installed
+            if names:
+                raise MissingExtraError(name, CONTENDERS[name].extra) from None
+            print(f"not installed: {name}")
+    return found
+
+
+def bench(out: Path, plan: Plan, names: Sequence[str] = ()) -> str:
+    """Time solvers, write the tables, and return the short one; :func:`installed`."""
+    table = list[Row]()
     for rows in ROWS:
+        back_ends = installed(names)
         print(f"{rows} rows: {len(back_ends)} solvers", flush=True)
-        table += time_solvers([*back_ends], rows, plan)
-        write_tables(out, {"solvers": table}, origin)
+        problems = record_problems(rows, plan.problems)
+        cases = [Case(p.scaled, p.optimum, p.scaled.scale) for p in problems]
+        contenders = {name: of_back_end(one) for name, one in back_ends.items()}
+        for name, row in race(contenders, cases, plan).items():
+            table.append({"solver": name, "rows": rows, **row})
+        settings = {name: getattr(x, "settings", {}) for name, x in back_ends.items()}
+        write_tables(out, {"solvers": table}, plan, settings=settings)
     return pivot(table, "solver", "rows", "daqp")
 
 

@@ -12,8 +12,7 @@ import argparse
 import math
 import resource
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from time import perf_counter_ns
@@ -29,10 +28,10 @@ from qpavoid.model.robot import Robot
 from qpavoid.qp.problem import ScaledProblem
 from qpavoid.qp.solve import BackEnd
 from qpavoid.types import Array
-from timing.contenders import CONTENDERS
 from timing.exported import step_times
+from timing.peers import CONTENDERS
 from timing.recorded import Scan, record_scans
-from timing.tables import origins, pivot, table_text, write_tables
+from timing.tables import FAULTS, pivot, write_tables
 from timing.trials import (
     FULL,
     QUICK,
@@ -46,7 +45,8 @@ from timing.trials import (
 )
 
 POINTS = (1, 10, 100, 1000, 10_000)
-OURS, AHEAD, EXPORTED = "qpavoid", "qpavoid, ahead", "exported C"
+OURS, AHEAD = "qpavoid", "qpavoid, ahead"
+EXPORTED, AHEAD_EXPORTED = "exported C", "exported C, ahead"
 
 
 def one_step() -> SafetyFilter:
@@ -77,23 +77,17 @@ class NumpyStep:
 
     def __call__(self, scan: Scan) -> Array:
         """Return (v, ω), or NaN."""
-        A, b = self.rows(scan.points)
-        target = np.array([scan.v, scan.omega])
+        v, omega, points = scan
+        A, b = self.rows(points)
+        target, scale = np.array([v, omega]), self._scale
         if not len(b):
             free: Array = np.clip(target, self._lower, self._upper)
             return free
-        scale = self._scale
         normals = A / scale
         length = np.hypot(normals[:, 0], normals[:, 1])
-        problem = ScaledProblem(
-            target * scale,
-            normals / length[:, None],
-            b / length,
-            self._lower * scale,
-            self._upper * scale,
-            scale,
-            np.empty((4, 0)),
-        )
+        rows = normals / length[:, None], b / length
+        box = self._lower * scale, self._upper * scale
+        problem = ScaledProblem(target * scale, *rows, *box, scale, np.empty((4, 0)))
         z: Array = self._back_end(problem) / scale
         return z
 
@@ -116,25 +110,25 @@ class NumpyStep:
         return A[kept], b[kept]
 
 
-def _ours(points: int, solver: str = "exact", ahead: bool = False) -> Contender:
+def _ours(solver: str = "exact", ahead: bool = False) -> Contender:
     call = SafetyFilter(Robot.mir100(), solver=solver, ahead=ahead).filter
     return Contender(lambda scan: call(scan[0], scan[1], scan[2]), _twist)
 
 
-def _numpy(points: int, solver: str) -> Contender:
+def _numpy(solver: str) -> Contender:
     return Contender(NumpyStep(CONTENDERS[solver].load()), np.asarray)
 
 
-STEPS: Mapping[str, Callable[[int], Contender]] = {
+STEPS: Mapping[str, Callable[[], Contender]] = {
     OURS: _ours,
     AHEAD: partial(_ours, ahead=True),
     **{
-        f"{OURS} + {name}": partial(_ours, solver=name)
+        f"{OURS} + {name}": partial(_ours, name)
         for name in ("osqp", "casadi:daqp", "qpsolvers:daqp")
     },
-    **{f"numpy + {name}": partial(_numpy, solver=name) for name in ("osqp", "daqp")},
+    **{f"numpy + {name}": partial(_numpy, name) for name in ("osqp", "daqp")},
 }
-"""Control steps by name, for a number of points."""
+"""Control steps by name."""
 
 
 def step_cases(points: int, count: int) -> list[Case]:
@@ -152,69 +146,57 @@ def step_cases(points: int, count: int) -> list[Case]:
     ]
 
 
-def time_steps(
-    sizes: Sequence[int],
-    steps: Mapping[str, Callable[[int], Contender]] = STEPS,
-    plan: Plan = FULL,
-    progress: Callable[[str], None] = lambda what: None,
-) -> list[Row]:
-    """Time whole steps on recorded scans, from numpy points to the twist.
+def time_steps(sizes: Sequence[int], names: Iterable[str], plan: Plan) -> list[Row]:
+    """Time some of :data:`STEPS` at numbers of points, from numpy points to the twist.
 
-    Args:
-        sizes: Numbers of points.
-        steps: Who makes them; what is not installed gets an empty row.
-        plan: How much is measured.
-        progress: Called with what is timed next.
-
-    Returns:
-        ``step``, ``points``, ``rows`` (median number that can matter), then
-        :func:`timing.trials.judge`'s columns. The look-ahead filter has
-        other answers, so that its errors are left out.
+    ``rows`` is the median number that can matter. The look-ahead filter has other
+    answers, so that its errors are left out.
     """
     table: list[Row] = []
     for points in sizes:
-        progress(f"whole steps at {points} points")
+        print(f"whole steps at {points} points", flush=True)
         cases, contenders = step_cases(points, plan.scans), {}
-        for name, make in steps.items():
+        for name in names:
             try:
-                contenders[name] = make(points)
+                contenders[name] = STEPS[name]()
             except ImportError:
-                progress(f"{name} is not installed")
+                print(f"{name} is not installed")
         safety = one_step()
         rows = np.median([len(safety.problem(*case.question).b) for case in cases])
-        for name, row in race(contenders, cases, plan, plan.calls).items():
+        found = race(contenders, cases, plan._replace(passes=plan.calls))
+        for name, row in found.items():
             if name == AHEAD:
-                faults = "wrong", "false_ok", "false_infeasible"
-                row |= dict.fromkeys((*faults, "error_p99", "worst_error"))
+                row |= dict.fromkeys((*FAULTS, "error_p99", "worst_error"))
             start: Row = {"step": name, "points": points, "rows": float(rows)}
             table.append(start | row)
     return table
 
 
-def time_exported(sizes: Sequence[int], like: Row, plan: Plan = FULL) -> list[Row]:
-    """Return rows as :func:`time_steps` does, ``like`` one of its, of exported C."""
-    return [
-        dict.fromkeys(like)
-        | {"step": name, "points": points}
-        | exported_times(step_cases(points, plan.scans), ahead)
-        for name, ahead in ((EXPORTED, False), (f"{EXPORTED}, ahead", True))
-        for points in sizes
-    ]
-
-
-def exported_times(cases: Sequence[Case], ahead: bool) -> Row:
+def time_exported(sizes: Sequence[int], plan: Plan) -> list[Row]:
     """Return quantiles of the exported C filter's step; nothing without a compiler.
 
     Every step starts from rest, so that the look-ahead repeats its whole search.
     """
-    scans = [case.question for case in cases]
-    try:
-        times = 1e-3 * step_times(Robot.mir100(), AvoidanceSettings(), scans, ahead, 20)
-    except QPAvoidError:
-        return {}
-    quantiles = {"median_us": 0.5, "p99_us": 0.99, "max_us": 1.0}
-    found = {name: float(np.quantile(times, q)) for name, q in quantiles.items()}
-    return {"calls": len(times), **found}
+    table: list[Row] = []
+    for ahead in (False, True):
+        for points in sizes:
+            scans = [case.question for case in step_cases(points, plan.scans)]
+            setup = Robot.mir100(), AvoidanceSettings()
+            try:
+                times = 1e-3 * step_times(*setup, scans, ahead, 20)
+            except QPAvoidError as error:
+                print(error)
+                return []
+            row: Row = {"step": AHEAD_EXPORTED if ahead else EXPORTED, "points": points}
+            table.append(row | {"calls": len(times)} | quantiles(times))
+    return table
+
+
+def quantiles(microseconds: Array) -> Row:
+    """Return median, high quantiles and maximum."""
+    shares = {"median_us": 0.5, "p99_us": 0.99, "p999_us": 0.999, "p9999_us": 0.9999}
+    found: Row = {name: quantile(microseconds, x) for name, x in shares.items()}
+    return found | {"max_us": float(microseconds.max())}
 
 
 def row_evaluations(rows: int) -> int:
@@ -223,12 +205,10 @@ def row_evaluations(rows: int) -> int:
 
 
 def endure(points: int, calls: int, scans: int = 100) -> Row:
-    """Call the one-step filter very often, and look at the slowest call and the memory.
+    """Call the one-step filter very often; return times and the growth of memory, MB.
 
-    Returns:
-        ``points``, ``rows`` (greatest number), ``row_evaluations`` (the bound for
-        that), ``calls``, quantiles and maximum in µs, how often the system took the
-        processor away meanwhile, and by how much the process's memory grew, MB.
+    ``rows`` is the greatest number, ``row_evaluations`` the bound for it, ``switches``
+    how often the system took the processor away.
     """
     safety = one_step()
     recorded = record_scans(points, scans)
@@ -245,34 +225,10 @@ def endure(points: int, calls: int, scans: int = 100) -> Row:
             times[i] = perf_counter_ns() - started
         after = resource.getrusage(resource.RUSAGE_SELF)
     unit = 2**20 if sys.platform == "darwin" else 2**10
-    microseconds: Array = 1e-3 * times.astype(np.float64)
-    return {
-        "points": points,
-        "rows": rows,
-        "row_evaluations": row_evaluations(rows),
-        "calls": calls,
-        "median_us": quantile(microseconds, 0.5),
-        "p99_us": quantile(microseconds, 0.99),
-        "p999_us": quantile(microseconds, 0.999),
-        "p9999_us": quantile(microseconds, 0.9999),
-        "max_us": float(microseconds.max()),
-        "switches": after.ru_nivcsw - before.ru_nivcsw,
-        "growth_mb": (after.ru_maxrss - before.ru_maxrss) / unit,
-    }
-
-
-ENDURANCE = {
-    "points": "points",
-    "rows": "rows ≤",
-    "row_evaluations": "row evaluations ≤",
-    "calls": "calls",
-    "median_us": "median µs",
-    "p99_us": "p99",
-    "p9999_us": "p99.99",
-    "max_us": "max",
-    "switches": "processor taken away",
-    "growth_mb": "growth of memory, MB",
-}
+    row: Row = {"points": points, "rows": rows, "calls": calls}
+    row |= {"row_evaluations": row_evaluations(rows)} | quantiles(1e-3 * times)
+    row["switches"] = after.ru_nivcsw - before.ru_nivcsw
+    return row | {"growth_mb": (after.ru_maxrss - before.ru_maxrss) / unit}
 
 
 def main() -> None:
@@ -281,13 +237,11 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="few calls")
     options = parser.parse_args()
     plan = QUICK if options.quick else FULL
-    steps = time_steps(POINTS, plan=plan, progress=print)
-    steps += time_exported(POINTS, steps[0], plan)
-    long_run = [endure(100, 10_000 if options.quick else 1_000_000)]
-    tables = {"steps": steps, "endurance": long_run}
-    write_tables(options.out, tables, origins(asdict(plan)))
+    steps = time_steps(POINTS, STEPS, plan) + time_exported(POINTS, plan)
+    long_run = endure(100, 10_000 if options.quick else 1_000_000)
+    write_tables(options.out, {"steps": steps, "endurance": [long_run]}, plan)
     print(pivot(steps, "step", "points", "numpy + daqp"))
-    print(table_text(ENDURANCE, long_run))
+    print(long_run)
 
 
 if __name__ == "__main__":

@@ -1,91 +1,69 @@
-"""Tables of computing times, and the machine and versions that belong to them."""
+"""Tables of computing times, and the machine and versions that belong to them.
+
+Run: python comparisons/timing/solvers.py, or steps.py beside it
+"""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import distributions
 from pathlib import Path
 from typing import Any
 
 from qpavoid.lab.simulation.log import provenance
 from qpavoid.lab.study.tables import markdown_table, write_csv
-from timing.trials import Row, Value
+from timing.trials import Plan, Row, Value
 
-TEXTS = "solver step world start controller error scene what unit".split()
-"""Columns of words; all others have numbers."""
-
-PEERS = "piqp proxsuite clarabel highspy scs quadprog cbfpy elastiqp jax"
-
-FAULTS = {
-    "wrong": "wrong",
-    "false_ok": "false ok",
-    "false_infeasible": "false infeasible",
-}
-
-
-def origins(plan: Mapping[str, Any]) -> dict[str, Any]:
-    """Return machine, versions of all that is installed, and plan."""
-    origin = provenance()
-    origin["versions"] |= {name: _version(name) for name in PEERS.split()}
-    return origin | {"plan": dict(plan)}
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "not installed"
+FAULTS = "wrong", "false_ok", "false_infeasible"
 
 
 def write_tables(
-    folder: Path, tables: Mapping[str, Sequence[Row]], origin: Mapping[str, Any]
+    folder: Path, tables: Mapping[str, Sequence[Row]], plan: Plan, **more: Any
 ) -> None:
-    """Write a CSV file for each table that has rows, and ``provenance.json``."""
+    """Write a CSV file for each table, and ``provenance.json`` with all versions."""
+    versions = {one.name: one.version for one in distributions()}
+    origin = provenance() | {"versions": versions, "plan": plan._asdict()} | more
     folder.mkdir(parents=True, exist_ok=True)
     text = json.dumps(origin, indent=1, ensure_ascii=False, default=dict)
     (folder / "provenance.json").write_text(text + "\n", encoding="utf-8")
     for name, rows in tables.items():
-        if rows:
-            write_csv(folder / f"{name}.csv", rows)
+        write_csv(folder / f"{name}.csv", rows)
 
 
 def pivot(rows: Sequence[Row], name: str, size: str, peer: str) -> str:
     """Return a table of medians by size, p99, the ratio to a peer, and faults.
 
-    p99 and the ratio of medians are those of the middle size.
-
-    Args:
-        rows: Results of :func:`timing.trials.race` by name and size.
-        name: Column of the names.
-        size: Column of the sizes.
-        peer: Name of the contender that the others are divided by.
+    p99 and the ratio of medians are those of the middle size. ``name`` and ``size`` are
+    columns of the rows.
     """
-    sizes = sorted({float(row[size] or 0) for row in rows})
+    sizes = sorted({row[size] for row in rows})
     middle = sizes[len(sizes) // 2]
-    medians = {(row[name], row[size]): row["median_us"] for row in rows}
-    unit = medians.get((peer, middle))
-    columns = {name: f"{name}: median µs by {size}"}
-    columns |= {f"{n:g}": f"{n:,.0f}" for n in sizes}
-    columns |= {"p99": f"p99 at {middle:,.0f}", "ratio": f"÷ {peer} at {middle:,.0f}"}
-    table: list[Row] = []
+    found = {(row[name], row[size]): row for row in rows}
+    unit = found.get((peer, middle), {}).get("median_us")
+    heads = [f"{name}: median µs by {size}", *(f"{n:,}" for n in sizes)]
+    heads += [f"p99 at {middle:,}", f"÷ {peer} at {middle:,}"]
+    lines = []
     for who in dict.fromkeys(row[name] for row in rows):
-        own = [row for row in rows if row[name] == who]
-        line: Row = {name: who, **{f"{row[size]:g}": row["median_us"] for row in own}}
-        line["p99"] = next((x["p99_us"] for x in own if x[size] == middle), None)
-        median = medians.get((who, middle))
-        line["ratio"] = float(median) / float(unit) if median and unit else None
+        own = [found.get((who, n), {}) for n in sizes]
+        among = found.get((who, middle), {})
+        line = [one.get("median_us") for one in own] + [among.get("p99_us")]
+        median = among.get("median_us")
+        line.append(median / unit if median and unit else None)
         calls = total(own, "calls")
-        every = calls + total(own, "infeasible_calls")
-        asked = {"wrong": calls, "false_ok": every, "false_infeasible": calls}
-        for key, count in asked.items():
-            counted = any(row[key] is not None for row in own)
-            line[key] = percent(total(own, key), count) if counted else None
-        table.append(line)
-    return table_text(columns | FAULTS, table)
+        asked = calls, calls + total(own, "infeasible_calls"), calls
+        faults = [
+            percent(total(own, key), count)
+            if any(one.get(key) is not None for one in own)
+            else None
+            for key, count in zip(FAULTS, asked, strict=True)
+        ]
+        lines.append([str(who), *map(text, line + faults)])
+    heads += [name.replace("_", " ") for name in FAULTS]
+    return markdown_table(heads, lines, heads[1:])
 
 
 def total(rows: Iterable[Row], key: str) -> float:
     """Return the sum of a column."""
-    return sum(float(row[key] or 0) for row in rows)
+    return sum(float(row.get(key) or 0) for row in rows)
 
 
 def percent(part: float, whole: float) -> str:
@@ -94,19 +72,10 @@ def percent(part: float, whole: float) -> str:
     return f"{share:.2g} %".replace("1e+02", "100") if part else "0"
 
 
-def table_text(columns: Mapping[str, str], rows: Iterable[Row]) -> str:
-    """Return a Markdown table of some columns by their headings."""
-    numbers = [head for key, head in columns.items() if key not in TEXTS]
-    body = [[text(row.get(key)) for key in columns] for row in rows]
-    return markdown_table(list(columns.values()), body, numbers)
-
-
 def text(value: Value) -> str:
     """Return a table cell: three significant digits, thousands in full."""
-    if value is None:
-        return "–"
-    if isinstance(value, float):
-        if 0.0 < value < 1e-3:
-            return f"{value:.0e}"
-        return f"{value:,.0f}" if value >= 1000 else f"{value:.3g}"
-    return f"{value:,}" if isinstance(value, int) else value
+    if value is None or isinstance(value, str):
+        return value or "–"
+    if 0.0 < value < 1e-3:
+        return f"{value:.0e}"
+    return f"{value:,.0f}" if value >= 1000 else f"{value:.3g}"

@@ -1,4 +1,7 @@
-"""Timed calls of solvers on the same cases, with errors of their answers."""
+"""Timed calls of solvers on the same cases, with errors of their answers.
+
+Run: python comparisons/timing/solvers.py, or steps.py beside it
+"""
 
 import gc
 import math
@@ -27,26 +30,15 @@ BLOCK = 5
 """Successive cases that one contender answers before it is the next one's turn."""
 
 
-@dataclass(frozen=True)
-class Plan:
-    """Numbers of problems and calls.
+class Plan(NamedTuple):
+    """Numbers of problems and calls."""
 
-    Attributes:
-        problems: Recorded problems for each number of rows.
-        passes: How often the feasible ones are solved.
-        budget_s: Sum of call times for each size above which a contender gets no more
-            blocks of cases; and no more infeasible ones.
-        infeasible: Infeasible problems that a solver is handed, at most.
-        scans: Scans for each number of points.
-        calls: Passes over the scans.
-    """
-
-    problems: int
-    passes: int
-    budget_s: float
-    infeasible: int
-    scans: int
-    calls: int
+    problems: int  # recorded for each number of rows
+    passes: int  # over the feasible ones
+    budget_s: float  # of call times for each size, above which a contender ends
+    infeasible: int  # problems that a solver is handed, at most
+    scans: int  # for each number of points
+    calls: int  # passes over the scans
 
 
 FULL = Plan(400, passes=6, budget_s=3.0, infeasible=40, scans=100, calls=20)
@@ -54,47 +46,32 @@ QUICK = Plan(100, passes=1, budget_s=0.04, infeasible=5, scans=20, calls=3)
 
 
 class Case(NamedTuple):
-    """A problem with its certified answer.
+    """A problem with its certified answer."""
 
-    Attributes:
-        question: Argument of a contender.
-        answer: (n,) the certified answer; NaN if there is none.
-        scale: (n,) by which answers are divided to give m/s and rad/s.
-    """
-
-    question: Any
-    answer: Array
-    scale: Array
+    question: Any  # argument of a contender
+    answer: Array  # (n,), certified; NaN if there is none
+    scale: Array  # (n,) by which answers are divided to give m/s and rad/s
 
 
 class Contender(NamedTuple):
-    """A solver or filter that is timed.
+    """A solver or filter that is timed."""
 
-    Attributes:
-        ask: From the question to the solver's result; this is timed.
-        read: From the result to the claimed answer (n,); NaN: none.
-    """
-
-    ask: Callable[[Any], Any]
-    read: Callable[[Any], Array]
+    ask: Callable[[Any], Any]  # from the question to a result; this is timed
+    read: Callable[[Any], Array]  # from the result to the claimed answer; NaN: none
 
 
 @dataclass
 class Trials:
     """Calls of one contender on cases of one kind.
 
-    Attributes:
-        errors: Greatest difference from the certified answer, m/s or rad/s; NaN where
-            it claims none, infinite where it claims one and there is none.
-        times: Wall time of each call, ns.
-        cases: Which ones.
-        spent_s: Sum of the times, s.
+    An error is the greatest difference from the certified answer, m/s or rad/s; NaN
+    without a claimed answer, infinite where one is claimed and there is none.
     """
 
     errors: list[float] = field(default_factory=list)
-    times: list[int] = field(default_factory=list)
+    times: list[int] = field(default_factory=list)  # ns, by the wall
     cases: set[int] = field(default_factory=set)
-    spent_s: float = 0.0
+    spent_s: float = 0.0  # sum of the times
 
     def call(self, contender: Contender, case: Case) -> None:
         """Time one call and store its error; an exception is no answer."""
@@ -142,7 +119,6 @@ def _claimed(back_end: BackEnd, answer: Array) -> Array:
 @contextmanager
 def undisturbed() -> Iterator[None]:
     """Disable garbage collector and warnings, and pin the process to a core."""
-    collecting = gc.isenabled()
     cores = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set()
     gc.collect()
     gc.freeze()
@@ -157,15 +133,13 @@ def undisturbed() -> Iterator[None]:
         if cores:
             os.sched_setaffinity(0, cores)
         gc.unfreeze()
-        if collecting:
-            gc.enable()
+        gc.enable()
 
 
 def race(
     contenders: Mapping[str, Contender],
     cases: Sequence[Case],
     plan: Plan = FULL,
-    passes: int | None = None,
     seed: int = 0,
 ) -> dict[str, Row]:
     """Time contenders on the same cases, and judge their answers.
@@ -177,30 +151,20 @@ def race(
     contender passes over blocks, evenly, to keep within its budget. Then the cases
     without an answer are handed over as they are, once each.
 
-    Args:
-        contenders: By name.
-        cases: All of one size.
-        plan: How much is measured.
-        passes: If not those of the plan.
-        seed: Of the order.
-
-    Returns:
-        One row a contender; see :func:`judge`.
+    Returns a row for each contender; see :func:`judge`.
     """
     rng = np.random.default_rng(seed)
     feasible = [case for case in cases if np.isfinite(case.answer).all()]
     infeasible = [case for case in cases if not np.isfinite(case.answer).all()]
-    starts = range(0, len(feasible), BLOCK)
-    passes = plan.passes if passes is None else passes
-    visits = 0
+    starts, visits = range(0, len(feasible), BLOCK), 0
     timed = {name: Trials() for name in contenders}
     raw = {name: Trials() for name in contenders}
     with undisturbed():
-        for _ in range(passes):
+        for _ in range(plan.passes):
             gc.collect()
             for i in rng.permutation(starts):
                 visits += 1
-                share = plan.budget_s * visits / (passes * len(starts))
+                share = plan.budget_s * visits / (plan.passes * len(starts))
                 for name in rng.permutation(list(contenders)):
                     trials, contender = timed[name], contenders[name]
                     if trials.spent_s < share:
@@ -214,18 +178,12 @@ def race(
 def judge(timed: Trials, raw: Trials) -> Row:
     """Return the numbers of a contender as one row of a table.
 
-    Args:
-        timed: Trials on cases with an answer.
-        raw: Trials on cases without one.
-
-    Returns:
-        ``calls`` on ``problems`` different cases; ``median_us``, ``p99_us``,
-        ``p999_us`` and ``max_us`` of a call (None where there are fewer calls than a
-        quantile takes); ``wrong``: answers that are claimed and farther than
-        :data:`WRONG` from the certified one; ``false_ok``: the same, and answers to
-        questions that have none; ``false_infeasible``: calls without an answer although
-        there is one; ``error_p99`` and ``worst_error`` of answers that are claimed, m/s
-        or rad/s; ``infeasible_calls``, and their ``infeasible_max_us``.
+    ``timed``: trials on cases with an answer, ``raw``: on others. ``calls`` on
+    ``problems`` different cases, and their quantiles (None where there are fewer calls
+    than one takes). ``wrong``: answers that are claimed and farther than :data:`WRONG`
+    from the certified one; ``false_ok``: the same, and answers to questions that have
+    none; ``false_infeasible``: calls without an answer although there is one; errors of
+    the answers that are claimed, m/s or rad/s.
     """
     errors = np.array(timed.errors)
     claimed = errors[~np.isnan(errors)]

@@ -125,7 +125,7 @@ def test_the_study_of_solvers(tmp_path, monkeypatch):
 # ------------------------------------------------------------------ whole steps
 @pytest.mark.parametrize("name", sorted(steps.STEPS))
 def test_a_step_is_that_of_the_filter(name):
-    (row,) = steps.time_steps([30], {name: steps.STEPS[name]}, TINY)
+    (row,) = steps.time_steps([30], [name], TINY)
     assert (row["step"], row["points"]) == (name, 30) and row["calls"] >= 1
     if name == steps.AHEAD:
         assert row["wrong"] is None and row["worst_error"] is None

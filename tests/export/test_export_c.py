@@ -19,10 +19,7 @@ from qpavoid.avoidance.decision import BRAKING, HOLDING, PLANNED
 from qpavoid.cli import main
 from qpavoid.errors import QPAvoidError
 from qpavoid.export.write import export_c
-from timing.exported import (
-    compile_replay,
-    replay,
-)
+from timing.exported import compile_replay, replay
 
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 
