@@ -277,7 +277,7 @@ def guide_step(
         state[LOOKED] = 0.0
         curve = radius_curve(settings)
         field = field_in(memory.search, s.reach, stage.body)
-        room_field(s.reach, s.inner + AMPLE, curve, obstacles, field.nodes)
+        room_field(s.reach, max(s.inner, 0.0) + AMPLE, curve, obstacles, field.nodes)
         _look(state, field, settings, memory.search, obstacles, tracking)
         if state[STAGE_MODE] == CLEAR:
             return CLEAR, v, omega

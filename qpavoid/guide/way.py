@@ -8,7 +8,7 @@ geodesic distance of the axle to the target as heuristic.
 import math
 from typing import NamedTuple
 
-from qpavoid.compiled import compiled, compiled_once, entry
+from qpavoid.compiled import compiled_once, entry
 from qpavoid.guide.geodesic import CELL, Goal, cells_of, geodesic
 from qpavoid.guide.heap import HEAP_WIDTH, Item, drop_first, item_at, push
 from qpavoid.guide.room import AMPLE, Field, grid_size, pose_room
@@ -36,8 +36,9 @@ TURN_COST, CHANGE_COST = 0.08, 0.4
 NEAR_COST, REVERSE_COST = 1.5, 2.0
 """Greatest relative cost added near obstacles; factor for reversing."""
 
-GREED = 2.0
-"""Weight of the heuristic: slightly longer paths, found much sooner."""
+GREED, GREED_OUTSIDE = 2.0, 5.0
+"""Weights of the heuristic: slightly longer paths, found much sooner. The second one is
+for an axle outside of the footprint, whose distances lead through walls."""
 
 LEAVING = 0.8
 """m of cost within which a robot that is too near may lose a little more margin."""
@@ -143,7 +144,7 @@ def find_way(field: Field, search: Search, memory: Array, way: Array) -> int:
     the target, or where it leaves the grid towards one outside.
 
     Args:
-        field: Margins, at least to inner + AMPLE.
+        field: Margins, at least to max(inner, 0) + AMPLE.
         search: The problem.
         memory: :func:`search_size` numbers.
         way: (MOST_ACTIONS,) filled with the numbers of the actions.
@@ -158,10 +159,14 @@ def find_way(field: Field, search: Search, memory: Array, way: Array) -> int:
     for place in range(n * n):
         for heading in range(HEADINGS):
             best[place, heading] = math.inf
-    begin_tree(field, tree)
+    node, link = nodes[0], tree.links[0]
+    node[0], node[1], node[2], node[4] = 0.0, 0.0, 0.0, 0.0
+    node[3] = pose_room(field, 0.0, 0.0, 0.0)
+    link[0], link[1], link[2] = 0.0, -1.0, -1.0
     best[middle * n + middle, 0] = 0.0
     waiting, count = push(heap, 0, Item(remaining[middle, middle], 0, 0)), 1
     kinds = len(ACTIONS) if search.reverse else len(ACTIONS) - len(BACK_ARCS)
+    greed = GREED if search.inner >= 0.0 else GREED_OUTSIDE
     while waiting > 0 and count < MOST_NODES - kinds:
         parent = item_at(heap, 0).i
         waiting = drop_first(heap, waiting)
@@ -172,27 +177,13 @@ def find_way(field: Field, search: Search, memory: Array, way: Array) -> int:
             return _trace(tree.links, parent, way)
         least = _least_room(search, tree, parent)
         for action in range(kinds):
-            _drive(field, tree, parent, action, count)
-            i, j, k = _bin(field.half, tree, count)
-            if not (0 <= i < n and 0 <= j < n) or remaining[i, j] == math.inf:
-                continue
-            cost, place = nodes[count, 2], i * n + j
-            if nodes[count, 3] < least or cost >= best[place, k] - SAME_COST:
-                continue
-            best[place, k] = cost
-            total = cost + GREED * remaining[i, j]
-            waiting = push(heap, waiting, Item(total, count, 0))
-            count += 1
+            if _drive(field, tree, parent, action, count, least):
+                i, j, k = _bin(field.half, tree, count)
+                best[i * n + j, k] = nodes[count, 2]
+                total = nodes[count, 2] + greed * remaining[i, j]
+                waiting = push(heap, waiting, Item(total, count, 0))
+                count += 1
     return 0
-
-
-@compiled
-def begin_tree(field: Field, tree: Tree) -> None:
-    """Write the first node: the robot's pose."""
-    node, link = tree.nodes[0], tree.links[0]
-    node[0], node[1], node[2], node[4] = 0.0, 0.0, 0.0, 0.0
-    node[3] = pose_room(field, 0.0, 0.0, 0.0)
-    link[0], link[1], link[2] = 0.0, -1.0, -1.0
 
 
 @compiled_once
@@ -225,19 +216,28 @@ def _least_room(search: Search, tree: Tree, parent: int) -> float:
 
 
 @compiled_once
-def _drive(field: Field, tree: Tree, parent: int, action: int, child: int) -> None:
-    """Fill in the node that an action leads to."""
+def _drive(
+    field: Field, tree: Tree, parent: int, action: int, child: int, least: float
+) -> bool:
+    """Fill in the node that an action leads to; return whether it is the best there."""
     drive, turn = ACTIONS[action]
     node, from_, heading = tree.nodes[child], tree.nodes[parent], tree.links[parent, 0]
-    link = tree.links[child]
+    link, n = tree.links[child], tree.remaining.shape[0]
     start, length, bend = heading * TURN, drive * ARC_LENGTH, turn * TURN
-    m_x, m_y, middle = arc(from_[0], from_[1], start, length, bend, 0.5)
     x, y, end = arc(from_[0], from_[1], start, length, bend, 1.0)
-    room = min(pose_room(field, m_x, m_y, middle), pose_room(field, x, y, end))
-    node[0], node[1], node[3] = x, y, room
-    node[2] = from_[2] + _cost(drive, turn, from_[4], room)
+    node[0], node[1], node[2] = x, y, from_[2] + _cost(drive, turn, from_[4], AMPLE)
     node[4] = drive if drive != 0.0 else from_[4]
     link[0], link[1], link[2] = (int(heading) + int(turn)) % HEADINGS, parent, action
+    i, j, k = _bin(field.half, tree, child)
+    if not (0 <= i < n and 0 <= j < n) or tree.remaining[i, j] == math.inf:
+        return False
+    known = tree.best[i * n + j, k] - SAME_COST
+    if node[2] >= known:
+        return False
+    m_x, m_y, middle = arc(from_[0], from_[1], start, length, bend, 0.5)
+    node[3] = min(pose_room(field, m_x, m_y, middle), pose_room(field, x, y, end))
+    node[2] = from_[2] + _cost(drive, turn, from_[4], node[3])
+    return bool(node[3] >= least and node[2] < known)
 
 
 @compiled_once

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import shapely
 
 from boxes import HALF, RADIUS, box
 from qpavoid.guide.geodesic import Goal, way_beyond
@@ -26,21 +27,27 @@ from qpavoid.guide.way import (
 )
 from qpavoid.model.capsules import CAPSULE_WIDTH
 from qpavoid.model.contacts import Contacts
-from qpavoid.model.kinematics import arc, wrap_angle
+from qpavoid.model.footprint import Footprint
+from qpavoid.model.kinematics import arc, to_world, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 
 SIZE = search_size(HALF)
 NO_WALLS = np.zeros((0, CAPSULE_WIDTH))
 
 
+def driven(way, on=(0.0, 0.0, 0.0)):
+    """Poses at every tenth of every action."""
+    for drive, turn in np.array(ACTIONS)[way.astype(int)]:
+        pose = on
+        for part in np.linspace(0.1, 1.0, 10):
+            on = arc(*pose, drive * ARC_LENGTH, turn * TURN, part)
+            yield on
+
+
 def clutter(rng):
-    return Obstacles(
-        points=rng.uniform(-4.0, 4.0, (5, 2)),
-        discs=np.column_stack(
-            [rng.uniform(-4.0, 4.0, (8, 2)), rng.uniform(0.1, 0.5, 8)]
-        ),
-        walls=rng.uniform(-4.0, 4.0, (2, 4)),
-    )
+    points, discs = rng.uniform(-4.0, 4.0, (5, 2)), rng.uniform(-4.0, 4.0, (8, 2))
+    discs = np.column_stack([discs, rng.uniform(0.1, 0.5, 8)])
+    return Obstacles(points, discs=discs, walls=rng.uniform(-4.0, 4.0, (2, 4)))
 
 
 def test_room_is_the_clearance_less_r_min(robot):
@@ -61,12 +68,8 @@ def test_room_is_the_clearance_less_r_min(robot):
 
 
 def test_room_knows_the_radius_of_fast_obstacles(robot):
-    field = new_field(
-        HALF,
-        0.8,
-        RADIUS,
-        Obstacles(discs=[(2.0, 0.0, 0.3)], disc_velocities=[(0.5, 0)]).arrays,
-    )
+    fast = Obstacles(discs=[(2.0, 0.0, 0.3)], disc_velocities=[(0.5, 0)])
+    field = new_field(HALF, 0.8, RADIUS, fast.arrays)
     centre = np.zeros((1, 2))
     room = pose_room(Field(field, HALF, centre), 1.0, 0.0, 0.0)
     assert room == pytest.approx(0.47, abs=1e-3)
@@ -96,18 +99,31 @@ def test_ways_are_free_and_lead_to_the_target(robot, reverse):
         if count <= 0:
             continue
         found += 1
-        pose, least = (0.0, 0.0, 0.0), math.inf
-        for drive, turn in np.array(ACTIONS)[way[:count].astype(int)]:
-            assert reverse or drive >= 0.0
-            for part in np.linspace(0.1, 1.0, 10):
-                on = arc(*pose, drive * ARC_LENGTH, turn * TURN, part)
-                contacts = Contacts.of(robot.footprint, world.seen_from(on))
-                least = min(least, contacts.distance.min())
-            pose = on
-        assert least > 0.17
+        assert reverse or (np.array(ACTIONS)[way[:count].astype(int), 0] >= 0.0).all()
+        for pose in driven(way[:count]):
+            contacts = Contacts.of(robot.footprint, world.seen_from(pose))
+            assert contacts.distance.min() > 0.17
         assert math.hypot(pose[0] - target[0], pose[1] - target[1]) <= 0.2
         assert abs(wrap_angle(pose[2] - target[2])) <= 1.51 * TURN
     assert found >= 8
+
+
+def test_an_axle_outside_of_the_footprint_leads_an_l_through_a_gap():
+    """An L of 2 m hooks the wall's end into its notch; distances are shapely's."""
+    ell = [(-1, -1), (1, -1), (1, -0.6), (-0.6, -0.6), (-0.6, 1), (-1, 1)]
+    ends = [shapely.box(2.0, y, 3.0, y + 6.0) for y in (1.0, -7.0)]
+    corners = [np.array(end.exterior.coords)[:4] for end in ends]
+    robot, way = Footprint.polygon(ell), np.zeros(MOST_ACTIONS)
+    nodes = new_field(HALF, AMPLE, RADIUS, Obstacles(polygons=corners).arrays)
+    field, target = Field(nodes, HALF, outline(robot)), (5.0, 0.0, 0.0)
+    assert pose_room(field, 0.0, 0.0, 0.0) > 0.49
+    search = Search(robot.inner_radius, True, 0.03, 0.0, target, False, NO_WALLS)
+    count = find_way(field, search, np.empty(SIZE), way)
+    assert count > 0
+    walls = shapely.MultiPolygon(ends)
+    for pose in driven(way[:count]):
+        assert walls.distance(shapely.Polygon(to_world(np.array(ell), pose))) > 0.17
+    assert math.dist(pose[:2], target[:2]) <= 0.2
 
 
 def test_no_way_is_no_way(robot):
@@ -157,8 +173,6 @@ def test_a_way_to_what_lies_beyond_the_grid_stays_on_this_side_of_a_long_wall(ro
         search = Search(inner, True, 0.01, 0.0, target, False, seen.capsules)
         count = find_way(Field(nodes, HALF, body), search, np.empty(SIZE), way)
         assert count > 0
-        pose = (0.0, 0.0, turn)
-        for drive, bend in np.array(ACTIONS)[way[:count].astype(int)]:
-            pose = arc(*pose, drive * ARC_LENGTH, bend * TURN, 1.0)
+        for pose in driven(way[:count], (0.0, 0.0, turn)):
             assert -2.0 < pose[1] < 1.2
         assert pose[0] > 5.5
