@@ -34,17 +34,17 @@ MOST_ARROWS = 78
 
 CEILINGS = {
     "robot": 21_990,
-    "cli": 1_179,
+    "cli": 1_178,
     "lab": 13_540,
-    "comparisons": 6_707,
-    "tests": 26_034,
+    "comparisons": 6_767,
+    "tests": 26_013,
 }
 """Lines of Python; ``cli`` holds all of the package but robot and lab. These numbers
 and those of FOLDERS fall; new features raise them only with less elsewhere."""
 
 MOST_FILES = 14
 FOLDERS = {
-    "tests": 26_034,
+    "tests": 16,
     "tests/avoidance": 24,
     "tests/support": 28,
 }
