@@ -60,6 +60,8 @@ class People:
         places, velocities, headings: (n, 2) m; (n, 2) m/s; (n,) rad, where they look.
         goals: (n, 2) m; may be replaced between steps.
         robot_radius, duration: m; s for which somebody reacts.
+        period: m, after which the world repeats in x and y; the robot is then taken to
+            be within half of it.
 
     Args:
         places, goals: (n, 2) m.
@@ -70,7 +72,7 @@ class People:
         seed: Of the side to which each one evades somebody exactly ahead.
     """
 
-    robot_radius, duration = USUAL, 40.0
+    robot_radius, duration, period = USUAL, 40.0, math.inf
 
     def __init__(
         self,
@@ -146,9 +148,16 @@ class People:
         push = SCARE * WALL_RANGE / np.maximum(apart - self.radii, 0.1)
         return acting, -(push * scared)[:, None] * to_robot
 
+    def _offsets(self, others: Array) -> Array:
+        """Return offsets (n, m, 2), m, from everybody to others (m, 2)."""
+        away: Array = others - self.places[:, None]
+        if self.period < math.inf:
+            away -= self.period * np.round(away / self.period)
+        return away
+
     def _social(self, others: Array, moves: Array, sees: Array) -> Array:
         """Return the force of the others, and of the robot, the last, if it is seen."""
-        ahead, apart = unit(others - self.places[:, None])
+        ahead, apart = unit(self._offsets(others))
         gap = apart - self.radii[:, None] - np.append(self.radii, self.robot_radius)
         along, length = unit(LAMBDA * (self.velocities[:, None] - moves) + ahead)
         left = np.stack([-along[..., 1], along[..., 0]], axis=-1)
@@ -175,17 +184,16 @@ class People:
     def _group(self, ahead: Array) -> Array:
         """Return the forces of gaze, coherence and repulsion within groups."""
         same, count = self._same, self._same.sum(axis=1)[:, None]
-        total = same @ self.places
-        to_others = total / np.maximum(count, 1.0) - self.places
+        apart = self._offsets(self.places)
+        total = (same[..., None] * apart).sum(axis=1)
+        to_others, to_centre = total / np.maximum(count, 1.0), total / (count + 1.0)
         behind = np.minimum((to_others * ahead).sum(axis=1), 0.0)[:, None]
-        to_centre = (total + self.places) / (count + 1.0) - self.places
         far = np.linalg.norm(to_centre, axis=1)[:, None] - 0.5 * count
         force = GAZE * behind * ahead
         force += COHERENCE * 0.5 * (np.tanh(far) + 1.0) * to_centre
-        apart = self.places[:, None] - self.places
         wide = self.radii[:, None] + self.radii
         meets = same * (np.linalg.norm(apart, axis=-1) < wide)
-        force += REPULSION * (meets[..., None] * apart).sum(axis=1)
+        force -= REPULSION * (meets[..., None] * apart).sum(axis=1)
         return np.where(count > 0.0, force, 0.0)
 
 

@@ -22,6 +22,14 @@ With ``METHOD@wide`` r_min is 0.10 to 0.25 m, else 0.05 to 0.10 m.
 
     python comparisons/crowdnav/crowdnav.py --changing circle --people 20 --count 250 \
         --methods orca-holonomic,qp-ahead,qp-ahead+guide,qp-ahead+guide@lidar
+
+With ``--reacting`` people see the robot (``crowdnav_reacting.py``), steered by ORCA or
+by the social force model; ``--people`` is their number in 64 m². The robot sees true
+discs. ``METHOD@still`` gets no velocities, and its filter and guide look 0.5 s ahead,
+not 3 s: chosen on 6 to 8 cases of ``val``.
+
+    python comparisons/crowdnav/crowdnav.py --reacting orca --people 32,64,102,147 \
+        --count 40 --methods qp-ahead+guide,qp-ahead+guide@still,mppi,orca,ttc,stop
 """
 
 import argparse
@@ -38,9 +46,10 @@ from typing import Any
 
 import numpy as np
 
-from crowdnav_cases import Crowd, make_scene
+from crowdnav_cases import Crowd, counting_on_people, make_scene
+from crowdnav_reacting import EFFECT
 from crowdnav_robots import FEET, Driven, Holonomic, Row
-from crowdnav_world import CASES, FIRST_SEED, RADIUS, TICK
+from crowdnav_world import CASES, FIRST_SEED, RADIUS
 from qpavoid.errors import ConfigError, QPAvoidError
 from qpavoid.lab.scenario.methods import check_methods
 from qpavoid.lab.sensing.lidar import LidarSettings
@@ -49,7 +58,7 @@ from qpavoid.lab.study.tables import write_csv
 from qpavoid.types import Array
 
 HOLONOMIC = "orca-holonomic"
-VARIANTS = {"lidar", "wide"}
+VARIANTS = {"lidar", "wide", "still"}
 METHODS = f"{HOLONOMIC},alone,eq5,eq7,qp,qp-ahead,qp-ahead+guide,orca,mppi"
 
 
@@ -78,12 +87,14 @@ def episode(method: str, crowd: Crowd, case: int) -> Row:
         scene = make_scene(people, crowd.ticks, "wide" in variants)
         if "lidar" in variants:
             scene = replace(scene, lidar=LidarSettings(range=crowd.sight, seed=case))
-        robot = Driven(name, crowd, people, scene)
+        if still := "still" in variants:
+            scene = counting_on_people(scene)
+        robot = Driven(name, crowd, people, scene, still)
     ends, event, intrusions = [people.start], "", 0
     for k in range(crowd.ticks):
         people.decide()
-        way = robot.drive(k * TICK, people)
-        event = people.judge(way[0], way[-1])
+        way = robot.drive(k * people.tick, people)
+        event = people.judge(way)
         ends.append(way[-1])
         people.move()
         if event:
@@ -91,24 +102,26 @@ def episode(method: str, crowd: Crowd, case: int) -> Row:
         away = np.linalg.norm(people.future()[0] - way[-1], axis=-1)
         intrusions += int((away < 2 * RADIUS).any())
     share = 100.0 * intrusions / (len(ends) - 1)
-    return judged(event, np.array(ends)) | {"intrusion_percent": share} | robot.row()
+    more = {"intrusion_percent": share} | people.effect()
+    return judged(event, np.array(ends), people.tick) | more | robot.row()
 
 
-def judged(event: str, ends: Array) -> Row:
+def judged(event: str, ends: Array, tick: float) -> Row:
     """Return the outcome of an episode by the original's rule.
 
     Args:
         event: Of the last tick; see :func:`judge_tick`.
         ends: (n + 1, 2) m, the robot's places from the beginning on.
+        tick: s between two of them.
     """
-    late = ends[-1 - round(STALLED / TICK) :]
+    late = ends[-1 - round(STALLED / tick) :]
     stalled = bool((np.linalg.norm(late - ends[-1], axis=1) <= PROGRESS).all())
-    speeds = np.linalg.norm(np.diff(ends, axis=0), axis=1) / TICK
+    speeds = np.linalg.norm(np.diff(ends, axis=0), axis=1) / tick
     return {
         "outcome": event or ("stalled" if stalled else "off goal"),
         "success": event == "arrived",
         "contact": event == "touched",
-        "arrived_s": TICK * (len(ends) - 1) if event == "arrived" else None,
+        "arrived_s": tick * (len(ends) - 1) if event == "arrived" else None,
         "contacts_moving": int(event == "touched" and speeds[-1] > CRAWL),
     }
 
@@ -130,7 +143,25 @@ def summary(rows: list[Row]) -> Row:
     found |= {k: round(count / len(rows), 4) for k, count in shares.items()}
     found["time_s"] = round(float(np.mean(times)), 2) if times else None
     intrusion = [row["intrusion_percent"] for row in rows]
-    return found | {"intrusion_percent": round(float(np.mean(intrusion)), 2)}
+    found["intrusion_percent"] = round(float(np.mean(intrusion)), 2)
+    return found | effect(rows)
+
+
+def effect(rows: list[Row]) -> Row:
+    """Return delay, s, and detour, m, of people per second, with standard errors.
+
+    Ratios of sums over the runs; nothing if these are unknown.
+    """
+    known = [[row[k] for k in EFFECT] for row in rows if EFFECT[0] in row]
+    if not known:
+        return {}
+    lasted, *costs = np.array(known).T
+    found: Row = {}
+    for key, cost in zip(("delay_per_s", "detour_mps"), costs, strict=True):
+        ratio = cost.sum() / lasted.sum()
+        error = np.linalg.norm(cost - ratio * lasted) / lasted.sum()
+        found |= {key: round(ratio, 3), f"{key}_error": round(error, 3)}
+    return found
 
 
 def study(options: argparse.Namespace) -> list[Row]:
@@ -143,8 +174,8 @@ def study(options: argparse.Namespace) -> list[Row]:
     check_methods(x for x in names if x != HOLONOMIC)
     if wrong := {x for some in variants for x in some if x} - VARIANTS:
         raise ConfigError([f"no variant {', '.join(wrong)}"])
-    phase, changing = options.phase, options.changing
-    crowds = [Crowd(phase, people, changing) for people in options.people]
+    kinds = options.changing, options.reacting
+    crowds = [Crowd(options.phase, people, *kinds) for people in options.people]
     for crowd in crowds:  # is there room for so many?
         crowd.meet(options.seed)
     cases = range(options.seed, options.seed + options.count)
@@ -184,7 +215,9 @@ def main() -> None:
     add("--workers", type=int, default=os.cpu_count() or 1, metavar="N")
     parser.add_argument("--phase", choices=FIRST_SEED, default="test")
     parser.add_argument("--count", type=int, metavar="N", help="all if not given")
-    add("--changing", choices=("circle", "square"), default="", help="goals change")
+    kind = parser.add_mutually_exclusive_group().add_argument
+    kind("--changing", choices=("circle", "square"), default="", help="goals change")
+    kind("--reacting", choices=("orca", "force"), default="", help="see the robot")
     parser.add_argument("--people", type=counts, default=[5], metavar="N,M,…")
     options = parser.parse_args()
     if options.count is None:

@@ -9,15 +9,18 @@ import numpy as np
 
 from crowdnav_changing import SIGHT, ChangingPeople
 from crowdnav_changing import TICKS as CHANGING_TICKS
+from crowdnav_reacting import SIGHT as REACTING_SIGHT
+from crowdnav_reacting import TICKS as REACTING_TICKS
+from crowdnav_reacting import begin
 from crowdnav_world import (
     FIRST_SEED,
     RADIUS,
     SPEED,
-    TICK,
     TICKS,
     People,
     draw_people,
 )
+from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.scenario.scenario import Scenario, make_scenario
 from qpavoid.perception.settings import PerceptionSettings
 
@@ -28,6 +31,9 @@ FOOTPRINT = RADIUS * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
 BODIES = PerceptionSettings(radius=0.4)
 """Of perception: the mean radius of people whose goals change."""
 
+SHORT = 0.5
+"""s; horizon of a robot that counts on people to evade."""
+
 
 class Crowd(NamedTuple):
     """Cases with a number of people.
@@ -37,30 +43,39 @@ class Crowd(NamedTuple):
         people: Number of people.
         changing: Crossing of people whose goals change, ``circle`` or ``square``;
             empty: CrowdNav's people.
+        reacting: What steers people who see the robot, ``orca`` or ``force``.
     """
 
     phase: str = "test"
     people: int = 5
     changing: str = ""
+    reacting: str = ""
 
     @property
     def name(self) -> str:
         """Name in tables."""
-        return f"{self.people} people" + (self.changing and f", {self.changing}")
+        kind = self.changing or self.reacting
+        return f"{self.people} people" + (kind and f", {kind}")
 
     @property
     def sight(self) -> float:
         """Distance from the robot's centre to the farthest disc that it sees, m."""
+        if self.reacting:
+            return REACTING_SIGHT
         return SIGHT + RADIUS if self.changing else math.inf
 
     @property
     def ticks(self) -> int:
         """Ticks until a robot that has not arrived is late."""
+        if self.reacting:
+            return REACTING_TICKS
         return CHANGING_TICKS if self.changing else TICKS
 
     def meet(self, case: int) -> People:
         """Return the people of a case."""
         seed = FIRST_SEED[self.phase] + case
+        if self.reacting:
+            return begin(seed, self.people, self.reacting)
         if self.changing:
             return ChangingPeople(seed, self.people, self.changing)
         return People(*draw_people(seed, self.people))
@@ -72,7 +87,7 @@ def make_document(people: People, ticks: int, wide: bool) -> dict[str, Any]:
     (x, y), heading = start.tolist(), math.atan2(*(goal - start)[::-1].tolist())
     return {
         "title": "CrowdNav",
-        "duration_s": TICK * (ticks + 1),
+        "duration_s": people.tick * (ticks + 1),
         "dt_s": 0.05,
         "start": {"x_m": x, "y_m": y, "heading_rad": heading},
         "robot": {
@@ -104,3 +119,11 @@ def make_scene(people: People, ticks: int, wide: bool = False) -> Scenario:
     document = make_document(people, ticks, wide)
     scene = make_scenario(document, "crowdnav", Path("crowdnav"))
     return replace(scene, perception=BODIES)
+
+
+def counting_on_people(scene: Scenario) -> Scenario:
+    """Return a scene in which filter and guide look 0.5 s ahead, not 3 s."""
+    settings = scene.settings
+    ahead = replace(settings.ahead, horizon=SHORT, horizon_still=SHORT)
+    settings = replace(settings, ahead=ahead)
+    return replace(scene, settings=settings, guide=GuideSettings(horizon=SHORT))

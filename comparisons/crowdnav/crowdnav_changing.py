@@ -98,13 +98,13 @@ class ChangingPeople(People):
         least = self.radii[i] + radii + DISCOMFORT
         return free(place, np.vstack([taken, self._robot, self.goal]), least)
 
-    def judge(self, begin: Array, end: Array) -> str:
+    def judge(self, way: Array) -> str:
         """Return ``touched``, ``arrived`` or nothing at the end of a tick.
 
         Touched is a disc below 0 m then. Arrived: the robot is within 0.3 m of the
         goal.
         """
-        self._robot = end
+        self._robot = end = way[-1]
         gaps = np.linalg.norm(self.at(TICK) - end, axis=1) - self.radii
         if (gaps < RADIUS).any():
             return "touched"

@@ -28,16 +28,19 @@ class Shown:
     Attributes:
         velocities: (n, 2) m/s.
         sight: m from the robot's centre to a disc.
+        still: Whether all discs are shown at rest.
     """
 
     velocities: Array
     sight: float
+    still: bool = False
 
     def start(self) -> Callable[[float, Obstacles, Pose], Obstacles]:
         """Return what sees."""
 
         def see(time: float, obstacles: Obstacles, pose: Pose) -> Obstacles:
-            discs = Obstacles(discs=obstacles.discs, disc_velocities=self.velocities)
+            velocities = (0.0 if self.still else 1.0) * self.velocities
+            discs = Obstacles(discs=obstacles.discs, disc_velocities=velocities)
             return discs.seen_from(pose).within(self.sight)
 
         return see
@@ -51,17 +54,23 @@ class Driven:
         crowd: The cases.
         people: Of the case.
         scene: Of the case; without a LiDAR the robot sees true discs.
+        still: Whether they are shown at rest.
     """
 
     def __init__(
-        self, method: str, crowd: Crowd, people: People, scene: Scenario
+        self,
+        method: str,
+        crowd: Crowd,
+        people: People,
+        scene: Scenario,
+        still: bool = False,
     ) -> None:
-        self._shown = Shown(people.before, crowd.sight)
+        self._shown = Shown(people.before, crowd.sight, still)
         if scene.lidar is None:
             scene = replace(scene, sensor=self._shown)
         self._simulation = Simulation(scene, method)
         self._discs = np.empty((crowd.people, 3))
-        self._times = scene.dt * np.arange(round(TICK / scene.dt))
+        self._times = scene.dt * np.arange(round(people.tick / scene.dt))
         self._noted: list[list[float]] = []
 
     def drive(self, time: float, people: People) -> Array:

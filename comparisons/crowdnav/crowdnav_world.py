@@ -32,8 +32,8 @@ FIRST_SEED = {"test": 1000, "val": 0, "train": 2000}
 CASES = {"test": 500, "val": 100, "train": 2**32 - 2001}
 """Of a phase: the seed of its case 0, and how many cases it has."""
 
-NEIGHBOURS, MOST_NEIGHBOURS, HORIZONS = 10.0, 10, (5.0, 5.0)
-"""ORCA's neighbour distance (m), greatest number of neighbours, time horizons (s)."""
+NEIGHBOURS, MOST_NEIGHBOURS, HORIZON = 10.0, 10, 5.0
+"""ORCA's neighbour distance (m), greatest number of neighbours, time horizon (s)."""
 
 MOST_DRAWS = 10_000
 """Of a place; then there is no room."""
@@ -84,8 +84,8 @@ def free(place: Callable[[], Array], taken: Array, least: Array | float) -> Arra
 class Orca:
     """Policy ``orca`` of CrowdNav for several discs, by the RVO2 library.
 
-    Each disc prefers 1 m/s towards its goal, less within the last metre. It knows the
-    positions, velocities and radii of the others, not their goals.
+    Each disc prefers its distance to the goal per second, at most ``pace``. It knows
+    the positions, velocities and radii of the others, not their goals.
 
     Args:
         radii: (n,) m.
@@ -93,6 +93,9 @@ class Orca:
         reach: (n,) m, distance of the farthest neighbour that is considered.
         space: m that is added to every radius.
         most: Greatest number of neighbours that are considered.
+        horizon: Time horizon, s.
+        pace: Greatest preferred speed, m/s.
+        tick: Time between two decisions, s.
 
     Raises:
         MissingExtraError: pyrvo is not installed.
@@ -105,12 +108,18 @@ class Orca:
         reach: Array,
         space: float,
         most: int,
+        horizon: float = HORIZON,
+        pace: float = SPEED,
+        tick: float = TICK,
     ) -> None:
-        agent = NEIGHBOURS, most, *HORIZONS, RADIUS, SPEED
-        self._sim, self._space = library().RVOSimulator(TICK, *agent), space
-        for i in range(len(radii)):
-            self._sim.add_agent((0.0, 0.0), *agent, (0.0, 0.0))
-            self.change(i, radii[i], speeds[i], reach[i])
+        nowhere = 0.0, 0.0
+        self._sim = library().RVOSimulator(
+            tick, NEIGHBOURS, most, horizon, horizon, RADIUS, SPEED
+        )
+        self._space, self._pace = space, pace
+        for radius, speed, far in zip(radii, speeds, reach, strict=True):
+            own = far, most, horizon, horizon, radius + space, speed
+            self._sim.add_agent(nowhere, *own, nowhere)
 
     def change(self, i: int, radius: float, speed: float, reach: float) -> None:
         """Replace radius (m), greatest speed (m/s) and reach (m) of a disc."""
@@ -127,7 +136,8 @@ class Orca:
             goals: (n, 2) m.
         """
         away = goals - places
-        wanted = away / np.maximum(1.0, np.linalg.norm(away, axis=1))[:, None]
+        speeds = np.linalg.norm(away, axis=1) / self._pace
+        wanted = away / np.maximum(1.0, speeds)[:, None]
         for i in range(len(places)):
             self._sim.set_agent_position(i, tuple(places[i]))
             self._sim.set_agent_velocity(i, tuple(velocities[i]))
@@ -150,6 +160,7 @@ class People:
         goal: (2,) m, of the robot.
         space: m that ORCA adds to every radius.
         most: Greatest number of neighbours of ORCA.
+        tick: Time between two decisions, s.
 
     Args:
         starts: (n, 2) m.
@@ -157,6 +168,7 @@ class People:
     """
 
     start, goal, space, most = START, GOAL, WIDER, MOST_NEIGHBOURS
+    tick = TICK
 
     def __init__(self, starts: Array, goals: Array) -> None:
         self.places, self.goals = starts, goals
@@ -176,7 +188,7 @@ class People:
 
     def move(self) -> None:
         """Go on to the next tick."""
-        self.places, self.before = self.at(TICK), self.velocities
+        self.places, self.before = self.at(self.tick), self.velocities
 
     def future(self) -> tuple[Array, Array]:
         """Return positions and velocities (k, n, 2), m and m/s, of the next k ticks.
@@ -186,16 +198,20 @@ class People:
         none = np.empty((0, *self.places.shape))
         return none, none
 
-    def judge(self, begin: Array, end: Array) -> str:
+    def effect(self) -> dict[str, float]:
+        """Return what the robot cost these people so far; unknown of CrowdNav's."""
+        return {}
+
+    def judge(self, way: Array) -> str:
         """Return ``touched``, ``arrived`` or nothing for a tick of the robot.
 
         People are taken to keep the velocities of the tick *before*: touched is a disc
         below 0 m. Arrived: the robot ends within 0.3 m of the goal.
 
         Args:
-            begin: (2,) m, of the robot.
-            end: (2,) m, of the robot.
+            way: (k + 1, 2) m, of the robot from step to step.
         """
+        begin, end = way[0], way[-1]
         offset = self.places - begin
         moved = TICK * self.before - (end - begin)
         if nearest(offset, offset + moved).min() < 2 * RADIUS:

@@ -86,7 +86,7 @@ def test_orca_is_as_published():
 def test_a_tick_is_judged_by_the_velocities_before(place, before, end, event):
     people = world.People(np.array([place]), np.array([place]))
     people.before = np.array([before])
-    assert people.judge(np.array([0.0, 3.9]), np.array(end)) == event
+    assert people.judge(np.array([[0.0, 3.9], end])) == event
 
 
 def driven(method, crowd, people):
@@ -145,9 +145,11 @@ def test_a_changing_crowd_is_judged_by_present_discs():
     place = people.at(0.25)[0]
     for gap, event in ((-1e-6, "touched"), (1e-6, "")):
         end = place + [people.radii[0] + 0.3 + gap, 0.0]
-        assert people.judge(people.start, end) == event
+        assert people.judge(np.array([people.start, end])) == event
     people.places -= 50.0
-    assert people.judge(people.start, people.goal + [0.29, 0.0]) == "arrived"
+    assert (
+        people.judge(np.array([people.start, people.goal + [0.29, 0.0]])) == "arrived"
+    )
 
 
 def test_a_robot_among_changing_people_sees_those_within_five_metres():
@@ -165,6 +167,74 @@ def test_a_robot_among_changing_people_sees_those_within_five_metres():
     ).drive(0.0, people)
     gaps = np.linalg.norm(people.places - people.start, axis=1) - people.radii
     assert seen[0] == (gaps < 5.3).sum() and 0 < seen[0] < 20
+
+
+def reacting(kind, count=40):
+    return crowdnav.Crowd("val", count, reacting=kind).meet(2)
+
+
+@pytest.mark.parametrize("kind", ["orca", "force"])
+def test_a_reacting_crowd_repeats_without_a_seam(kind):
+    """Where the square begins changes no velocity of people who are alone."""
+    people, other = reacting(kind), reacting(kind)
+    for some in (people, other):
+        some._present = False
+    other._robot = other._robot + [3.0, -2.0]
+    other.places = other._near(other.places)
+    assert abs(people.places - other.places).max() == pytest.approx(8.0)
+    people.decide()
+    other.decide()
+    assert other.velocities == pytest.approx(people.velocities, abs=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["orca", "force"])
+def test_reacting_people_walk_round_each_other_and_a_robot_at_rest(kind):
+    people, way, nearest = reacting(kind), np.array([[-3.0, 0.0]] * 3), []
+    for _ in range(80):
+        people.decide()
+        assert people.judge(way) == ""
+        people.move()
+        apart = people.places[:, None] - people.places
+        apart -= 8.0 * np.round(apart / 8.0)
+        nearest.append((np.linalg.norm(apart, axis=-1) + np.eye(40)).min())
+    assert min(nearest) > 0.4 - 0.02
+    speeds = (people.velocities * people._ahead).sum(axis=1) / people._pace
+    assert 0.6 < speeds.mean() <= 1.1
+
+
+@pytest.mark.parametrize("kind", ["orca", "force"])
+def test_who_walks_round_a_robot_has_a_delay_and_a_detour(kind):
+    people, length = reacting(kind, 1), 0.0
+    people.places = people.start - 2.0 * people._ahead + [[0.05, 0.05]]
+    for _ in range(40):
+        people.decide()
+        assert people.judge(np.array([people.start] * 3)) == ""
+        people.move()
+        length += 0.1 * np.linalg.norm(people.before)
+    way = float(((people.places - people.start) @ people._ahead.T)[0, 0]) + 2.0
+    effect = people.effect()
+    assert effect["lasted_s"] == pytest.approx(4.0)
+    assert effect["people_detour_m"] == pytest.approx(length - way, abs=0.06)
+    assert effect["people_delay_s"] == pytest.approx(4 - way / people._pace[0], abs=0.1)
+    assert min(effect.values()) > 0.01
+
+
+def test_a_crowd_without_a_robot_has_its_usual_paces():
+    people = reacting("orca", 10)
+    people._present = False
+    for _ in range(150):
+        people.decide()
+        people.move()
+    assert [*people.effect().values()] == pytest.approx([15.0, 0.0, 0.0], abs=1e-9)
+
+
+def test_a_reacting_crowd_is_judged_from_step_to_step():
+    people = reacting("orca", 1)
+    people.places, people.velocities = np.array([[0.0, 0.6]]), np.zeros((1, 2))
+    for near, event in ((0.099, ""), (0.101, "touched")):
+        way = np.array([[-0.05, 0.0], [0.0, near], [0.05, 0.0]])
+        assert people.judge(way) == event
+    assert people.judge(np.array([[2.0, 0.0], [2.71, 0.0]])) == "arrived"
 
 
 def test_the_page_shows_the_results():
@@ -228,6 +298,7 @@ def test_a_run_that_fails_is_a_row_and_the_exit_status(tmp_path, monkeypatch, ca
         (["--people", "40", "--methods", "alone", "--count", "1"], "no room"),
         (["--changing", "triangle"], "triangle"),
         (["--methods", "qp@radar"], "radar"),
+        (["--changing", "circle", "--reacting", "orca"], "not allowed"),
     ],
 )
 def test_wrong_options_are_said(arguments, said, tmp_path, monkeypatch, capsys):
