@@ -1,4 +1,7 @@
-"""CrowdNav's cases as scenarios: robot, reference and walking people."""
+"""CrowdNav's cases as scenarios: robot, reference and walking people.
+
+Run: python comparisons/crowdnav/crowdnav.py
+"""
 
 import math
 from dataclasses import replace
@@ -111,10 +114,7 @@ def make_document(people: People, ticks: int, wide: bool) -> dict[str, Any]:
 def make_scene(people: People, ticks: int, wide: bool = False) -> Scenario:
     """Return robot, reference and settings; the simulation adds the people.
 
-    Args:
-        people: Of the case, with the robot's start and goal.
-        ticks: Until a robot that has not arrived is late.
-        wide: Whether r_min is 0.10 to 0.25 m, not 0.05 to 0.10 m.
+    ``wide``: r_min is 0.10 to 0.25 m, not 0.05 to 0.10 m.
     """
     document = make_document(people, ticks, wide)
     scene = make_scenario(document, "crowdnav", Path("crowdnav"))

@@ -11,6 +11,8 @@ goal of the robot are 8 m or more apart in a square of ±6 m. People do not see 
 Chosen here: seeds; the crossing ``square``, where a person starts in one half of the
 square and has the goal in the other; everybody knows all present radii (there, those of
 replaced people remain).
+
+Run: python comparisons/crowdnav/crowdnav.py --changing circle
 """
 
 from collections.abc import Callable
@@ -36,22 +38,12 @@ PERIOD, CHANCE, AHEAD = 5.0, 0.5, 5
 TICKS, SIGHT = 195, 5.0
 """Ticks before 49 s, ``time_limit`` less 1; m between robot and a person it sees."""
 
-
 FAR = 1e6
 """m; coordinate of people before they begin."""
 
 
 class ChangingPeople(People):
-    """People whose goals change, and the task of the robot among them.
-
-    Args:
-        seed: Of everything random.
-        count: Number of people.
-        crossing: ``circle`` or ``square``.
-
-    Raises:
-        ConfigError: There is no room for so many.
-    """
+    """People whose goals change, in a crossing ``circle`` or ``square``."""
 
     space = WIDER + SPACE
 

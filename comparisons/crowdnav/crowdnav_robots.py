@@ -1,4 +1,7 @@
-"""Robots in CrowdNav's cases: any method, or the original's disc with ORCA."""
+"""Robots in CrowdNav's cases: any method, or the original's disc with ORCA.
+
+Run: python comparisons/crowdnav/crowdnav.py
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -23,17 +26,11 @@ FEET = "start_clearance_m", "min_room_m", "solve_us", "solve_p99_us"
 
 @dataclass
 class Shown:
-    """Sensor of the discs within a distance, with given velocities.
+    """Sensor of the discs within a distance, with given velocities."""
 
-    Attributes:
-        velocities: (n, 2) m/s.
-        sight: m from the robot's centre to a disc.
-        still: Whether all discs are shown at rest.
-    """
-
-    velocities: Array
-    sight: float
-    still: bool = False
+    velocities: Array  # (n, 2) m/s
+    sight: float  # m from the robot's centre to a disc
+    still: bool = False  # whether all discs are shown at rest
 
     def start(self) -> Callable[[float, Obstacles, Pose], Obstacles]:
         """Return what sees."""
@@ -101,11 +98,8 @@ class Holonomic:
     """
 
     def __init__(self, crowd: Crowd, people: People) -> None:
-        self._sight, self._place, self._velocity = (
-            crowd.sight,
-            people.start,
-            np.zeros(2),
-        )
+        self._sight, self._place = crowd.sight, people.start
+        self._velocity = np.zeros(2)
 
     def drive(self, time: float, people: People) -> Array:
         """Go on for a tick, and return the places (2, 2), m, at both its ends."""

@@ -4,6 +4,8 @@ GitHub repository vita-epfl/CrowdNav (MIT), ``crowd_sim``: people of radius 0.3 
 prefer 1 m/s cross a circle of 4 m, each steered by its own ORCA, a decision every
 0.25 s. The robot, another disc of 0.3 m, drives from (0, −4) to (0, 4) m. People do not
 see it. All arrays are in the world frame.
+
+Run: python comparisons/crowdnav/crowdnav.py
 """
 
 from collections.abc import Callable
@@ -47,12 +49,7 @@ Draw = Callable[[], float]
 def draw_people(seed: int, count: int) -> tuple[Array, Array]:
     """Return starts near the circle and the opposite goals, each (count, 2) m.
 
-    Args:
-        seed: Of NumPy's legacy generator, which CrowdNav seeds for every case.
-        count: Number of people.
-
-    Raises:
-        ConfigError: There is no room for so many.
+    The seed is that of NumPy's legacy generator, which CrowdNav seeds for every case.
     """
     draw = np.random.RandomState(seed).random_sample
     ends = np.array([START, GOAL])
@@ -69,11 +66,7 @@ def _near_circle(draw: Draw) -> Array:
 
 
 def free(place: Callable[[], Array], taken: Array, least: Array | float) -> Array:
-    """Return the first of the places that is farther than ``least`` from those taken.
-
-    Raises:
-        ConfigError: There is none among many.
-    """
+    """Return a place farther than ``least`` from those taken; ConfigError: none."""
     for _ in range(MOST_DRAWS):
         found = place()
         if (np.linalg.norm(found - taken, axis=1) >= least).all():
@@ -128,13 +121,7 @@ class Orca:
         self._sim.set_agent_neighbor_dist(i, reach)
 
     def __call__(self, places: Array, velocities: Array, goals: Array) -> Array:
-        """Return the velocities (n, 2), m/s, for the coming tick.
-
-        Args:
-            places: (n, 2) m.
-            velocities: (n, 2) m/s, of the tick before.
-            goals: (n, 2) m.
-        """
+        """Return the velocities (n, 2), m/s, after those of the tick before."""
         away = goals - places
         speeds = np.linalg.norm(away, axis=1) / self._pace
         wanted = away / np.maximum(1.0, speeds)[:, None]

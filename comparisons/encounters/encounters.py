@@ -31,17 +31,11 @@ STREAMS = {"parked": 0, "several": 3}
 
 
 class Encounter(NamedTuple):
-    """Discs in the frame of the robot at time 0.
+    """Discs in the frame of the robot at time 0."""
 
-    Attributes:
-        speed: Of the robot along x, m/s; 0: parked.
-        discs: (M, 3) x, y, radius, m.
-        velocities: (M, 2) m/s.
-    """
-
-    speed: float
-    discs: Array
-    velocities: Array
+    speed: float  # of the robot along x, m/s; 0: parked
+    discs: Array  # (M, 3) x, y, radius, m
+    velocities: Array  # (M, 2) m/s
 
 
 def place_at(bearing: float, clearance: float) -> Array:

@@ -1,4 +1,7 @@
-"""A base with an arm reaches past a post: [figure.png]."""
+"""A base with an arm reaches past a post.
+
+Run: python comparisons/examples/mobile_manipulator.py [figure.png]
+"""
 
 import sys
 

@@ -2,6 +2,8 @@
 
 The base's twist has no lateral part, so the unknowns are u = (v, ω, q̇). A frame is
 ``("tool",)`` with pink, ``("tool", "body")`` with mink. Nothing is relaxed.
+
+Run: python comparisons/examples/mobile_manipulator.py
 """
 
 from typing import Any, NamedTuple, TypeAlias

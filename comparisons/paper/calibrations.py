@@ -81,29 +81,17 @@ def base_of(case: str) -> Scenario:
 
 
 class Calibration(NamedTuple):
-    """Values that the paper leaves open.
+    """Values that the paper leaves open."""
 
-    Attributes:
-        x_m: Place of the obstacle at time 0, m.
-        y_m: The same.
-        v_x_mps: Velocity of the obstacle, m/s.
-        v_y_mps: The same.
-        radius_m: Of the obstacle, m.
-        v_max_mps: The robot's limit, both ways, m/s.
-        omega_max_radps: The same, rad/s.
-        damping_m: λ of the laws, m.
-        activation: Of the repulsive velocity.
-    """
-
-    x_m: float
-    y_m: float
-    v_x_mps: float
-    v_y_mps: float
-    radius_m: float
-    v_max_mps: float
-    omega_max_radps: float
-    damping_m: float
-    activation: Activation
+    x_m: float  # place of the obstacle at time 0, m
+    y_m: float  # the same
+    v_x_mps: float  # velocity of the obstacle, m/s
+    v_y_mps: float  # the same
+    radius_m: float  # of the obstacle, m
+    v_max_mps: float  # the robot's limit, both ways, m/s
+    omega_max_radps: float  # the same, rad/s
+    damping_m: float  # λ of the laws, m
+    activation: Activation  # of the repulsive velocity
 
     def scenario(self, case: str) -> Scenario:
         """Return the scenario of a case with these values."""

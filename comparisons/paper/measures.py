@@ -1,4 +1,7 @@
-"""Measures of runs and of the footprint for the paper's statements."""
+"""Measures of runs and of the footprint for the paper's statements.
+
+Run: python comparisons/paper/calibrations.py
+"""
 
 import math
 from collections.abc import Callable, Mapping

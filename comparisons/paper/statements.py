@@ -3,6 +3,8 @@
 ``statements.toml`` has each sentence, or part of one, letter by letter, with the
 reading that is tested here; another reading may have another result. Judgements
 (*robust*, *flexible*, *efficient*) are left out.
+
+Run: python comparisons/paper/calibrations.py
 """
 
 import math

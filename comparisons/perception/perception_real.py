@@ -79,19 +79,18 @@ def cars(data: Path | None) -> Iterator[Row]:
 def frozen(recording: Recording) -> str:
     """Return where the own pose repeats for 0.5 s though echoes move."""
     time, poses = recording.poses[:, 0], recording.poses[:, 1:]
-    ends = np.flatnonzero(np.append((np.diff(poses, axis=0) != 0).any(axis=1), True))
-    begins = np.append(0, ends[:-1] + 1)
-    longest = int((time[ends] - time[begins]).argmax())
-    begin, end = time[begins[longest]], time[ends[longest]]
-    held = np.where(np.isfinite(recording.ranges), recording.ranges, 1e9)
-    held = held[(recording.stamps > begin) & (recording.stamps < end)]
-    if end - begin < 0.5 or not len(held):
+    moves = np.append(0, 1 + np.flatnonzero(np.diff(poses, axis=0).any(axis=1)))
+    rests = time[np.append(moves[1:] - 1, len(time) - 1)] - time[moves]
+    longest, begin = float(rests.max()), time[moves[rests.argmax()]]
+    within = (recording.stamps > begin) & (recording.stamps < begin + longest)
+    held = np.where(np.isfinite(recording.ranges), recording.ranges, 1e9)[within]
+    if longest < 0.5 or not len(held):
         return ""
     change = np.abs(held[-3:].min(axis=0) - held[:3].min(axis=0))
     change = np.median(change[(change > 0.0) & (change < 1e3)])
     since = begin - recording.stamps[0]
     return (
-        f"pose repeats for {end - begin:.1f} s from {since:.1f} s on, "
+        f"pose repeats for {longest:.1f} s from {since:.1f} s on, "
         f"echoes move by {change:.2f} m (median)"
     )
 

@@ -14,16 +14,16 @@ import gc
 import math
 import sys
 import warnings
-from collections import Counter
 from collections.abc import Iterator
+from contextlib import suppress
 from ctypes import CDLL
 from dataclasses import replace
 from datetime import date
 from decimal import Decimal
 from fractions import Fraction
-from itertools import count, repeat
+from itertools import count, islice, repeat
 from pathlib import Path
-from time import perf_counter, thread_time
+from time import thread_time
 from typing import Any
 
 import numpy as np
@@ -42,9 +42,10 @@ from qpavoid import (
 )
 from qpavoid.avoidance.inputs import StepMonitor, as_driven
 from qpavoid.avoidance.settings import Actuation
+from qpavoid.types import Twist
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from reliability.data import add_row
+from reliability.page import add_row
 
 Call = dict[str, Any]
 
@@ -132,8 +133,8 @@ def some_number(rng: np.random.Generator) -> float:
 
 def good_call(rng: np.random.Generator) -> Call:
     """Return a valid call."""
-    size, n, m = rng.choice([1.0, 3.0]), int(rng.integers(30)), int(rng.integers(4))
-    n = MOST if rng.random() < 0.002 else n
+    size, m = rng.choice([1.0, 3.0]), int(rng.integers(4))
+    n = MOST if rng.random() < 0.002 else int(rng.integers(30))
     call: Call = {"v": float(rng.uniform(-1, 2)), "omega": float(rng.uniform(-2, 2))}
     call["points"] = rng.uniform(-size, size, (n, 2))
     if rng.random() < 0.6:
@@ -152,22 +153,20 @@ def good_call(rng: np.random.Generator) -> Call:
 
 def spoil(rng: np.random.Generator, call: Call, odd: list[Any]) -> None:
     """Replace one argument of a call by a wrong one."""
-    names = [*call, "age", "driven", "stamps", "points", "discs"]
-    name, how = str(rng.choice(names)), rng.integers(4)
-    value = call.get(name)
+    name = str(rng.choice([*call, "age", "driven", "stamps", "points", "discs"]))
+    value, how = call.get(name), rng.integers(4)
     if how == 0 and type(value) is np.ndarray and 0 < value.size < 10_000:
         value = value.copy()
         value.flat[rng.integers(value.size)] = some_number(rng)
-    elif how == 1:
+    elif how == 1 and name == "driven":
+        value = some_number(rng), some_number(rng)
+    elif how == 1 and name in ("v", "omega", "age"):
         value = some_number(rng)
-        if name == "driven":
-            value = value, some_number(rng)
-        elif name not in ("v", "omega", "age"):
-            value = np.full(rng.integers(0, 5, 2), value)
+    elif how == 1:
+        value = np.full(rng.integers(0, 5, 2), some_number(rng))
     elif how == 2 and rng.random() < 0.5:
-        given = [some_number(rng) for _ in range(6)]
-        value = Stamps(*given[: rng.integers(1, 7)])
-        name = "stamps"
+        stamps = [some_number(rng) for _ in range(rng.integers(1, 7))]
+        name, value = "stamps", Stamps(*stamps)
     else:
         value = odd[rng.integers(len(odd))]
     call[name] = value
@@ -187,27 +186,14 @@ def calls(seed: int) -> Iterator[Call]:
             yield call
 
 
-def beyond(robot: Robot, last: tuple[float, float], dt: float, answer: Any) -> float:
-    """Return the excess of a twist over limits and accelerations; NaN: infinite."""
+def within(robot: Robot, last: Twist, dt: float, twist: Twist) -> bool:
+    """Return whether a twist is within limits, and accelerations from the last one."""
     v_min, v_max, w_min, w_max, a, b, wheel, track, _ = robot.limit_vector
-    v, omega = answer[:2]
+    v, omega = twist
     excess = [v_min - v, v - v_max, w_min - omega, omega - w_max]
     excess += [abs(v) + 0.5 * track * abs(omega) - wheel]
     excess += [abs(v - last[0]) - a * dt, abs(omega - last[1]) - b * dt]
-    return math.inf if any(map(math.isnan, excess)) else max(excess)
-
-
-def driven_before(
-    safety: SafetyFilter, call: Call, status: Status
-) -> tuple[float, float]:
-    """Return the driven twist of a call, if valid; else the last answer."""
-    last = safety._engine.state[0].item(), safety._engine.state[1].item()
-    if call.get("driven") is None:
-        return last
-    try:
-        return as_driven(call["driven"], safety._engine.setup.robot)
-    except BaseException:
-        return last
+    return all(one <= ROUNDING for one in excess)
 
 
 def resident() -> int:
@@ -217,73 +203,49 @@ def resident() -> int:
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
 
 
-class Tally:
-    """Counts of the answers of a filter."""
-
-    def __init__(self) -> None:
-        self.seen: Counter[str] = Counter()
-        self.worst, self.worst_call = 0.0, ""
-
-    def ask(self, safety: SafetyFilter, call: Call) -> None:
-        """Make a call and count its answer."""
-        given = dict(call)
-        robot, dt = safety.robot, safety.settings.dt
-        lasts = {driven_before(safety, given, Status.INVALID)}
-        lasts.add((safety._engine.state[0].item(), safety._engine.state[1].item()))
-        started = thread_time()
-        try:
-            answer = safety.step(**call)
-        except BaseException as error:
-            self.seen[f"raised {type(error).__name__}"] += 1
-            return
-        took = thread_time() - started
-        if "stamps" in given:  # later calls have none
-            safety._monitor = StepMonitor(safety.freshness, dt)
-        self.seen["calls"] += 1
-        self.seen["invalid"] += answer.status is Status.INVALID
-        self.seen["not finite"] += not all(map(math.isfinite, answer[:2]))
-        off = min(beyond(robot, last, dt, answer) for last in lasts)
-        self.seen["beyond limits"] += int(off > ROUNDING)
-        if took > self.worst:
-            self.worst, self.worst_call = took, described(safety, given, answer.status)
-
-
-def described(safety: SafetyFilter, call: Call, status: Status) -> str:
-    """Return a call in words."""
-    given = call.get("obstacles", call.get("points"))
-    known = isinstance(given, (list, Obstacles)) or np.ndim(given) > 0
-    return f"{status}: {len(given) if known else 'nothing'} near"
+def ask(safety: SafetyFilter, call: Call) -> tuple[dict[str, bool], float, str]:
+    """Make a call; return its faults, the processor time in s, and what it was."""
+    lasts, dt = [tuple(safety._engine.state[:2].tolist())], safety.settings.dt
+    with suppress(BaseException):  # no driven twist, or a wrong one
+        lasts.append(as_driven(call["driven"], safety._engine.setup.robot))
+    started = thread_time()
+    try:
+        answer = safety.step(**call)
+    except BaseException:
+        return {"raised": True}, 0.0, ""
+    took = thread_time() - started
+    if "stamps" in call:  # later calls have none
+        safety._monitor = StepMonitor(safety.freshness, dt)
+    twist, near = (answer.v, answer.omega), call.get("obstacles", call.get("points"))
+    found = {
+        "invalid": answer.status is Status.INVALID,
+        "not finite": not all(map(math.isfinite, twist)),
+        "beyond limits": not any(within(safety.robot, x, dt, twist) for x in lasts),
+    }
+    sized = type(near) is Obstacles or getattr(near, "shape", ())
+    return found, took, f"{answer.status}: {len(near) if sized else 0} near"
 
 
 def study(solver: str, total: int, seed: int = 0) -> Call:
     """Return the row of a solver: calls shared evenly among :data:`FILTERS`."""
-    tally, grown, made, warm = Tally(), 0, calls(seed), total // 20
+    row = dict.fromkeys(("invalid", "raised", "not finite", "beyond limits"), 0)
+    warm, grown, worst = total // 20, 0, (0.0, "")
     filters = [
         SafetyFilter(robot, settings, solver, freshness=Freshness(good=0.0), **how)
         for robot, settings, how in FILTERS.values()
     ]
-    started = perf_counter()
     for safety in filters:  # allocates the largest workspace
         safety.step(0.0, 0.0, np.zeros((MOST, 2)))
-    for i in range(total):
+    for i, call in enumerate(islice(calls(seed), total)):
         if i == warm:
-            grown, tally.worst = resident(), 0.0  # first calls compile and allocate
-        tally.ask(filters[i % len(filters)], next(made))
-    grown = resident() - grown
-    seen = tally.seen
-    return {
-        "part": f"{solver} {seed}",
-        "solver": solver,
-        "calls": total,
-        "invalid": seen["invalid"],
-        "raised": sum(n for what, n in seen.items() if what.startswith("raised")),
-        "not finite": seen["not finite"],
-        "beyond limits": seen["beyond limits"],
-        "MB grown": round(grown / 1e6, 2),
-        "worst ms": round(1e3 * tally.worst, 2),
-        "worst call": tally.worst_call,
-        "s": round(perf_counter() - started),
-    }
+            grown, worst = resident(), (0.0, "")  # first calls compile and allocate
+        found, took, what = ask(filters[i % len(filters)], call)
+        worst = max(worst, (took, what))
+        for name, holds in found.items():
+            row[name] += holds
+    more = {"MB grown": round((resident() - grown) / 1e6, 2)}
+    more |= {"worst ms": round(1e3 * worst[0], 2), "worst call": worst[1]}
+    return {"part": f"{solver} {seed}", "calls": total} | row | more
 
 
 def main() -> None:
@@ -294,7 +256,7 @@ def main() -> None:
     options = parser.parse_args()
     warnings.simplefilter("ignore")
     row = study(options.solver, options.count, options.seed)
-    add_row("calls", "part", row)
+    add_row("calls", row)
     print(row)
 
 

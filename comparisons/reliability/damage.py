@@ -8,24 +8,23 @@ time, as foreign.
     python comparisons/reliability/damage.py COUNT [READER …]
 """
 
-import json
 import random
 import re
 import resource
 import shutil
 import signal
 import struct
-import subprocess
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from qpavoid.errors import QPAvoidError
 from qpavoid.lab.scenario.config import builtin_configs, config_folder
 from qpavoid.lab.scenario.scenario import load_scenario
@@ -39,7 +38,6 @@ from qpavoid.lab.worlds import barn, crowd
 from qpavoid.lab.worlds.carmen import read_scans
 from qpavoid.lab.worlds.map_server import read_image, read_map
 from qpavoid.lab.worlds.points import read_points
-from reliability.data import add_row
 
 MOST_S, MOST_MB = 1.0, 500
 EXTREME = b'0 -1 1e999 -1e308 nan inf 1e12 9223372036854775808 1.5 "" true [] {} null'
@@ -91,8 +89,8 @@ def renumber(content: bytes, rng: random.Random) -> bytes:
     found = [*re.finditer(rb"-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?", content)]
     if not found:
         return content
-    one = rng.choice(found)
-    return content[: one.start()] + rng.choice(NUMBERS) + content[one.end() :]
+    low, high = rng.choice(found).span()
+    return content[:low] + rng.choice(NUMBERS) + content[high:]
 
 
 # ------------------------------------------------------------------ files and readers
@@ -144,30 +142,22 @@ BAG = {
 }
 
 
-class Kind(NamedTuple):
-    """A file of :func:`write_files` and its reader."""
-
-    file: str
-    read: Callable[[Path], Any]
-
-
-KINDS = {
-    "scenario": Kind("trap.toml", load_scenario),
-    "study": Kind("study.toml", read_study),
-    "log": Kind("log.npz", Log.load),
-    "npy": Kind("points.npy", read_points),
-    "csv": Kind("points.csv", read_points),
-    "parquet, old name": Kind(
-        "sweep/runs/old.parquet", lambda x: read_rows(x.parents[1])
-    ),
-    "map": Kind("map.yaml", read_map),
-    "parameters": Kind("mir.yaml", read_parameters),
-    "pgm": Kind("a.pgm", read_image),
-    "sdf": Kind("w.world", barn.read_world),
-    "carmen": Kind("a.log", lambda path: [*read_scans(path)]),
-    "obsmat": Kind("obsmat.txt", lambda path: crowd.read_tracks(path, 15.0)),
-    "bag, mcap": Kind("bag/bag.mcap", lambda path: bag_drive(path.parent, None, "")),
+KINDS: dict[str, tuple[str, Callable[[Path], Any]]] = {
+    "scenario": ("trap.toml", load_scenario),
+    "study": ("study.toml", read_study),
+    "log": ("log.npz", Log.load),
+    "npy": ("points.npy", read_points),
+    "csv": ("points.csv", read_points),
+    "parquet, old name": ("sweep/runs/old.parquet", lambda x: read_rows(x.parents[1])),
+    "map": ("map.yaml", read_map),
+    "parameters": ("mir.yaml", read_parameters),
+    "pgm": ("a.pgm", read_image),
+    "sdf": ("w.world", barn.read_world),
+    "carmen": ("a.log", lambda path: [*read_scans(path)]),
+    "obsmat": ("obsmat.txt", lambda path: crowd.read_tracks(path, 15.0)),
+    "bag, mcap": ("bag/bag.mcap", lambda path: bag_drive(path.parent, None, "")),
 }
+"""Files of :func:`write_files`, and their readers."""
 
 
 class Slow(BaseException):
@@ -186,14 +176,14 @@ def pages(column: int) -> int:
 
 def fuzz(name: str, count: int, seed: int = 0) -> dict[str, Any]:
     """Return the counts of some damaged files of a kind, read in this process."""
-    kind, rng = KINDS[name], random.Random(f"{name} {seed}")
+    (file, read), rng = KINDS[name], random.Random(f"{name} {seed}")
     found = {"reader": name, "mutations": count, "read": 0, "refused": 0, "foreign": 0}
     errors, slowest = set[str](), 0.0
     with TemporaryDirectory() as folder:
         write_files(Path(folder))
-        path = Path(folder) / kind.file
+        path = Path(folder) / file
         whole = path.read_bytes()
-        kind.read(path)
+        read(path)
         most, resident = pages(0) + MOST_MB * 2**20, pages(1)
         resource.setrlimit(resource.RLIMIT_AS, (most, most))
         signal.signal(signal.SIGPROF, ring)
@@ -202,7 +192,7 @@ def fuzz(name: str, count: int, seed: int = 0) -> dict[str, Any]:
             begun = time.process_time()
             signal.setitimer(signal.ITIMER_PROF, MOST_S)
             try:
-                kind.read(path)
+                read(path)
                 found["read"] += 1
             except QPAvoidError as error:
                 found["refused"] += len(str(error)) > 0
@@ -218,28 +208,20 @@ def fuzz(name: str, count: int, seed: int = 0) -> dict[str, Any]:
 
 
 def fuzz_apart(name: str, count: int, seed: int = 0) -> dict[str, Any]:
-    """Return the same from a process of its own.
-
-    Raises:
-        RuntimeError: It died, of a signal for example.
-    """
-    command = [sys.executable, __file__, "--one", name, str(count), str(seed)]
-    done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode:
-        raise RuntimeError(f"{name}: exit {done.returncode}: {done.stderr[-500:]}")
-    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
-    return found
+    """Return the same from a process of its own; BrokenProcessPool: it died."""
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        return pool.submit(fuzz, name, count, seed).result()
 
 
 def main() -> None:
-    if sys.argv[1] == "--one":
-        print(json.dumps(fuzz(sys.argv[2], int(sys.argv[3]), int(sys.argv[4]))))
-        return
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+    from reliability.page import add_row  # its plots are not for a process with limits
+
     for name in sys.argv[2:] or KINDS:
         found = fuzz_apart(name, int(sys.argv[1]))
         print(found, flush=True)
         del found["what"]
-        add_row("files", "reader", found)
+        add_row("files", found)
 
 
 if __name__ == "__main__":

@@ -8,9 +8,9 @@ import re
 import shutil
 import subprocess
 import sys
+from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cache
+from graphlib import TopologicalSorter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -18,7 +18,7 @@ from qpavoid.export.write import Capacity, export_c
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from reliability.calls import FILTERS
-from reliability.data import add_row
+from reliability.page import add_row
 
 CAPACITY = Capacity(discs=8, points=64, walls=4, polygons=3, corners=14)
 SANITIZERS = {
@@ -26,14 +26,12 @@ SANITIZERS = {
     "thread": "-fsanitize=thread",
     "none": "-O2",
 }
-WARNINGS = tuple(
-    f"-W{name}"
-    for name in (
-        "all extra pedantic conversion shadow sign-conversion cast-qual cast-align "
-        "undef vla strict-prototypes missing-prototypes redundant-decls pointer-arith "
-        "write-strings switch-default unreachable-code implicit-fallthrough"
-    ).split()
-)
+WARNINGS = """
+    -Wall -Wextra -Wpedantic -Wconversion -Wshadow -Wsign-conversion -Wcast-qual
+    -Wcast-align -Wundef -Wvla -Wstrict-prototypes -Wmissing-prototypes
+    -Wredundant-decls -Wpointer-arith -Wwrite-strings -Wswitch-default
+    -Wunreachable-code -Wimplicit-fallthrough
+""".split()
 """Of gcc and clang; as MISRA asks, no implicit conversion or shadowing."""
 
 CLANG = sys.executable, "-m", "ziglang", "cc", "-target"
@@ -58,17 +56,9 @@ def export(folder: str | Path, name: str, capacity: Capacity = CAPACITY) -> Path
 def fuzz(
     name: str, sanitizer: str, count: int, seed: int = 0, threads: int = 1
 ) -> dict[str, object]:
-    """Return the counts of some calls; a finding of a sanitizer is an error.
+    """Return the row of a filter and a sanitizer; RuntimeError: it found something.
 
-    Args:
-        name: One of :data:`reliability.calls.FILTERS`.
-        sanitizer: One of :data:`SANITIZERS`.
-        count: Calls, shared by the threads.
-        seed: Of the first thread; the others' follow.
-        threads: Each with a filter of its own.
-
-    Raises:
-        RuntimeError: The program ended with an error.
+    The threads, each with a filter and a seed of its own, share the calls.
     """
     fuzzer = Path(__file__).with_name("fuzz.c")
     with TemporaryDirectory() as folder:
@@ -84,67 +74,42 @@ def fuzz(
     if done.returncode:
         raise RuntimeError(done.stderr[-4000:])
     rows = [[int(x) for x in line.split()] for line in done.stdout.splitlines()]
-    calls, invalid, not_finite, beyond = (
-        sum(part) for part in list(zip(*rows, strict=True))[:4]
-    )
+    names = "calls", "invalid", "not finite", "beyond limits"
     worst = max(rows, key=lambda row: row[4])
     near = zip(worst[5:], ("points", "discs", "walls", "polygons"), strict=True)
     return {
         "part": f"{name}, {sanitizer}, {seed}",
-        "filter": name,
-        "sanitizer": sanitizer,
         "threads": threads,
-        "calls": calls,
-        "invalid": invalid,
-        "not finite": not_finite,
-        "beyond limits": beyond,
+        **{one: sum(row[k] for row in rows) for k, one in enumerate(names)},
         "worst ms": round(1e-6 * worst[4], 3),
         "worst call": ", ".join(f"{n} {what}" for n, what in near if n > 0),
     }
 
 
-@dataclass(frozen=True)
-class Calls:
-    """Call graph, and the stack frame of each function, bytes."""
+def stack_of(source: Path, root: str, *flags: str) -> int:
+    """Return the deepest path of gcc's call graph from a function, bytes of stack.
 
-    frames: dict[str, int]
-    edges: tuple[tuple[str, str], ...]
+    Functions of the C library count as nothing.
 
-    def deepest(self, root: str) -> int:
-        """Return the greatest stack of a function, bytes; ValueError: recursion.
-
-        Functions of the C library count as nothing.
-        """
-        called: dict[str, list[str]] = {}
-        for one, other in self.edges:
-            called.setdefault(one, []).append(other)
-        above: set[str] = set()
-
-        @cache
-        def depth(name: str) -> int:
-            if name in above:
-                raise ValueError(f"{name} calls itself")
-            above.add(name)
-            most = max((depth(other) for other in called.get(name, [])), default=0)
-            above.discard(name)
-            return self.frames.get(name, 0) + most
-
-        return depth(root)
-
-
-def call_graph(source: Path, *flags: str) -> Calls:
-    """Return gcc's call graph; ValueError where a frame has no bound."""
+    Raises:
+        ValueError: A function calls itself, or its frame has no bound.
+    """
     command = ["gcc", "-std=c99", "-O2", *flags, "-fcallgraph-info=su,da", "-c"]
     folder = source.parent
     subprocess.run([*command, source.name, "-o", "stack.o"], cwd=folder, check=True)
     text = next(folder.glob("*.ci")).read_text()
-    frames = {name: (int(size), kind) for name, size, kind in NODE.findall(text)}
-    for name, (_, kind) in frames.items():
+    frames, called = dict[str, int](), defaultdict[str, set[str]](set)
+    for name, size, kind in NODE.findall(text):
         if kind not in ("static", "dynamic,bounded"):
             raise ValueError(f"{name}: {kind}")
-    sizes = {name.split(":")[-1]: size for name, (size, _) in frames.items()}
-    edges = [(a.split(":")[-1], b.split(":")[-1]) for a, b in EDGE.findall(text)]
-    return Calls(sizes, tuple(edges))
+        frames[name] = int(size)
+    for name, other in EDGE.findall(text):
+        called[name].add(other)
+    deepest = dict[str, int]()
+    for name in TopologicalSorter(called).static_order():  # those that are called first
+        below = [deepest[other] for other in called[name]] if name in called else []
+        deepest[name] = frames.get(name, 0) + max(below, default=0)
+    return next(deepest[name] for name in deepest if name.split(":")[-1] == root)
 
 
 def warnings_of(compiler: Sequence[str], source: Path, *flags: str) -> list[str]:
@@ -166,7 +131,7 @@ def describe(name: str) -> dict[str, object]:
         return {
             "filter": name,
             "lines": len(text.splitlines()),
-            "stack bytes": call_graph(source).deepest("qpavoid_step"),
+            "stack bytes": stack_of(source, "qpavoid_step"),
             "loops": loops,
             "counted": len(COUNTED.findall(text)),
             "warnings of gcc": len(warnings_of(["gcc"], source, *WARNINGS)),
@@ -190,10 +155,10 @@ def main() -> None:
     if options.count:
         given = options.filter, options.sanitizer, options.count, options.seed
         row = fuzz(*given, options.threads)
-        add_row("exported", "part", row)
+        add_row("exported", row)
     else:
         row = describe(options.filter)
-        add_row("source", "filter", row)
+        add_row("source", row)
     print(row)
 
 

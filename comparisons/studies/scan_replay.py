@@ -52,23 +52,14 @@ STATUSES = ("relaxed", "braking", "holding", "stopped")
 
 
 class Moment(NamedTuple):
-    """A scan and the desired twist.
+    """A scan and the desired twist."""
 
-    Attributes:
-        pose: Of the axle, world frame.
-        v: Desired, m/s.
-        omega: Desired, rad/s.
-        cut: Whether the recorded twist was beyond the limits.
-        seen: Returns of the scan, robot frame.
-        touched: Whether one lies in the footprint.
-    """
-
-    pose: Pose
-    v: float
-    omega: float
-    cut: bool
-    seen: Obstacles
-    touched: bool
+    pose: Pose  # of the axle, world frame
+    v: float  # desired, m/s
+    omega: float  # desired, rad/s
+    cut: bool  # whether the recorded twist was beyond the limits
+    seen: Obstacles  # returns of the scan, robot frame
+    touched: bool  # whether one lies in the footprint
 
 
 def make_moments(scans: Sequence[Scan]) -> list[Moment]:

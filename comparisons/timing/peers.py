@@ -8,7 +8,6 @@ Run: python comparisons/timing/solvers.py
 
 import math
 import os
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -24,8 +23,8 @@ from qpavoid.qp.solve import BACK_ENDS, BackEnd, BackEndEntry
 from qpavoid.types import Array
 
 
-class Workspace(ABC):
-    """A solver with a workspace that is set up once and then updated.
+class Workspace:
+    """A solver with a workspace: ``_set_up`` once, then ``_solve`` with an update.
 
     It has as many rows as the first problem; later ones may have fewer, the rest is
     0 ≥ −1. With more rows it is set up again, for at least twice as many.
@@ -54,12 +53,6 @@ class Workspace(ABC):
         normals, offsets = np.zeros((self._rows, n)), np.full(self._rows, -1.0)
         normals[:m], offsets[:m] = problem.normals, problem.offsets
         return replace(problem, normals=normals, offsets=offsets)
-
-    @abstractmethod
-    def _set_up(self, problem: ScaledProblem) -> None: ...
-
-    @abstractmethod
-    def _solve(self, problem: ScaledProblem) -> Array | None: ...
 
 
 class Daqp(Workspace):

@@ -39,7 +39,7 @@ from timing.trials import (
     Contender,
     Plan,
     Row,
-    quantile,
+    quantiles,
     race,
     undisturbed,
 )
@@ -190,13 +190,6 @@ def time_exported(sizes: Sequence[int], plan: Plan) -> list[Row]:
             row: Row = {"step": AHEAD_EXPORTED if ahead else EXPORTED, "points": points}
             table.append(row | {"calls": len(times)} | quantiles(times))
     return table
-
-
-def quantiles(microseconds: Array) -> Row:
-    """Return median, high quantiles and maximum."""
-    shares = {"median_us": 0.5, "p99_us": 0.99, "p999_us": 0.999, "p9999_us": 0.9999}
-    found: Row = {name: quantile(microseconds, x) for name, x in shares.items()}
-    return found | {"max_us": float(microseconds.max())}
 
 
 def row_evaluations(rows: int) -> int:

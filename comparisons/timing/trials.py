@@ -192,10 +192,7 @@ def judge(timed: Trials, raw: Trials) -> Row:
     return {
         "problems": len(timed.cases),
         "calls": len(times),
-        "median_us": quantile(times, 0.5),
-        "p99_us": quantile(times, 0.99),
-        "p999_us": quantile(times, 0.999),
-        "max_us": float(times.max()) if len(times) else None,
+        **quantiles(times),
         "wrong": wrong,
         "false_ok": wrong + int((~np.isnan(raw.errors)).sum()),
         "false_infeasible": len(errors) - len(claimed),
@@ -204,6 +201,13 @@ def judge(timed: Trials, raw: Trials) -> Row:
         "infeasible_calls": len(raw.times),
         "infeasible_max_us": 1e-3 * max(raw.times) if raw.times else None,
     }
+
+
+def quantiles(times: Array) -> Row:
+    """Return median, high quantiles and maximum of times in µs."""
+    shares = {"median_us": 0.5, "p99_us": 0.99, "p999_us": 0.999, "p9999_us": 0.9999}
+    found: Row = {name: quantile(times, share) for name, share in shares.items()}
+    return found | {"max_us": float(times.max()) if len(times) else None}
 
 
 def quantile(times: Array, share: float) -> float | None:

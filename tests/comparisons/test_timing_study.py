@@ -47,7 +47,6 @@ def contend(answer):
     return Contender(answer, np.asarray)
 
 
-# ------------------------------------------------------------------ recorded problems
 @pytest.mark.parametrize("rows", solvers.ROWS)
 def test_problems_have_exactly_the_rows_asked_for(rows):
     found = record_problems(rows, 60)
@@ -75,7 +74,6 @@ def test_a_wrong_answer_gets_no_certificate(problems):
     assert polished(problem.scaled, problem.optimum + 1e-3)[1] > 1e-5
 
 
-# ------------------------------------------------------------------ how it is counted
 def test_judge_counts_wrong_missing_and_false_answers():
     timed = Trials([0.0, 0.9e-5, 2e-5, math.nan], [1000, 2000, 4000, 3000], {1, 2, 3})
     row = judge(timed, Trials([math.inf, math.nan], [5000, 7000]))
@@ -122,7 +120,6 @@ def test_the_study_of_solvers(tmp_path, monkeypatch):
     assert len((tmp_path / "solvers.csv").read_text().splitlines()) == 7
 
 
-# ------------------------------------------------------------------ whole steps
 @pytest.mark.parametrize("name", sorted(steps.STEPS))
 def test_a_step_is_that_of_the_filter(name):
     (row,) = steps.time_steps([30], [name], TINY)
