@@ -33,9 +33,11 @@ SAME_TIME = 1e-6
 
 
 class Slopes(NamedTuple):
-    """Derivatives of a pose of a rollout by the first target.
+    """Heading, and derivatives by the first target, of a pose of a rollout.
 
     Attributes:
+        cos: Of the heading γ.
+        sin: Of the heading.
         x_v: ∂x/∂v, s.
         y_v: ∂y/∂v, s.
         x_omega: ∂x/∂ω, m s.
@@ -43,6 +45,8 @@ class Slopes(NamedTuple):
         turn: ∂γ/∂ω, s.
     """
 
+    cos: float
+    sin: float
     x_v: float
     y_v: float
     x_omega: float

@@ -224,16 +224,13 @@ def predict_contacts(scene: Scene, rollout: Rollout, tables: Tables) -> None:
 
 
 @compiled_once
-def bend_by_turning(v: float, omega: float, time: float) -> Pair:
-    """Return ∂(x, y)/∂ω of the position after driving (v, ω) for a time."""
-    angle = omega * time
-    if abs(angle) < BARELY_TURNED:
+def bend_by_turning(v: float, omega: float, time: float, one: Frame) -> Pair:
+    """Return ∂(x, y)/∂ω after driving (v, ω) for a time; ``one``: after (1 m/s, ω)."""
+    if abs(omega * time) < BARELY_TURNED:
         # The closed form is ill-conditioned for small ω: its series instead.
         return -v * omega * time**3 / 3.0, 0.5 * v * time**2
-    cos, sin = math.cos(angle), math.sin(angle)
-    x = (time * cos - sin / omega) / omega
-    y = (time * sin + (cos - 1.0) / omega) / omega
-    return v * x, v * y
+    radius = v / omega
+    return radius * (time * one.cos - one.x), radius * (time * one.sin - one.y)
 
 
 @compiled_once
@@ -245,11 +242,13 @@ def slopes_at(arc: Arc, time: float, dt: float) -> Slopes:
     """
     place, turn = braking_place(time - arc.begin, arc.steps, dt), arc.turn
     one = moved_on(Frame(0.0, 0.0, 1.0, 0.0), 1.0, arc.omega, place)
-    b_x, b_y = bend_by_turning(arc.v, arc.omega, place)
+    b_x, b_y = bend_by_turning(arc.v, arc.omega, place, one)
     # Bending by ω on this arc, and rotation of its chord with the initial heading.
     l_x = arc.slope_omega * b_x - turn * arc.v * one.y
     l_y = arc.slope_omega * b_y + turn * arc.v * one.x
     return Slopes(
+        arc.cos * one.cos - arc.sin * one.sin,
+        arc.sin * one.cos + arc.cos * one.sin,
         arc.x_v + arc.slope_v * (arc.cos * one.x - arc.sin * one.y),
         arc.y_v + arc.slope_v * (arc.sin * one.x + arc.cos * one.y),
         arc.x_omega + arc.cos * l_x - arc.sin * l_y,
@@ -283,9 +282,9 @@ def linearised_rows(
     predict_contacts(scene, rollout, tables)
     if met.body >= 0:
         arc = rollout.arcs[arc_index(rollout.arcs, 0, met.time)]
-        at = frame_at(arc, met.time, scene.settings[0].dt)
+        then = frame_at(arc, met.time, scene.settings[0].dt)
         body = scene.bodies[met.body]
-        note_contact(scene, met.body, body, met.time, at, predicted)
+        note_contact(scene, met.body, body, met.time, then, predicted)
     fill_slopes(rollout, scene.settings[0].dt)
     arcs, dt, count = rollout.arcs, scene.settings[0].dt, 0
     for i in range(predicted.shape[0]):
@@ -293,14 +292,13 @@ def linearised_rows(
         if one.margin >= ROW_WITHIN:
             continue
         arc = arcs[arc_index(arcs, 0, one.time)]
-        n_x, n_y = one.n_x, one.n_y
-        at, slopes = frame_at(arc, one.time, dt), slopes_at(arc, one.time, dt)
+        n_x, n_y, at = one.n_x, one.n_y, slopes_at(arc, one.time, dt)
         # d shrinks as P_r moves along t, the outward normal: ∇d = −tᵀ ∂P_r/∂u.
         t_x, t_y = at.cos * n_x - at.sin * n_y, at.sin * n_x + at.cos * n_y
-        a_v = -t_x * slopes.x_v - t_y * slopes.y_v
+        a_v = -t_x * at.x_v - t_y * at.y_v
         # P_r turns with the robot, as in J_0 of Eq. 4.
-        a_omega = (n_x * one.y - n_y * one.x) * slopes.turn
-        a_omega = a_omega - t_x * slopes.x_omega - t_y * slopes.y_omega
+        a_omega = (n_x * one.y - n_y * one.x) * at.turn
+        a_omega = a_omega - t_x * at.x_omega - t_y * at.y_omega
         rows[count, A_V], rows[count, A_OMEGA] = a_v, a_omega
         rows[count, B] = a_v * about[0] + a_omega * about[1] + ROW_ROOM - one.margin
         rows[count, ROW_OWNER] = scene.bodies[one.body].owner
@@ -314,12 +312,12 @@ ITERATIONS = 8
 HALVINGS = 2
 """Greatest number of successive halvings of the trust region."""
 
-HOPELESS, PATIENT = 3, 6
-"""Greatest number of iterations of a start without a feasible twist; and the same while
-no start has one."""
+PATIENT = 6
+"""Greatest number of QPs from one start without a feasible twist."""
 
 DEAR = 4.0
-"""Cost relative to the best one above which a start is abandoned."""
+"""Cost relative to the best one above which an infeasible twist is abandoned; its
+square is that of a start."""
 
 GAIN = 0.98
 """Cost relative to the best one above which a solution counts as no improvement."""
@@ -336,7 +334,7 @@ metres: small, so that of conflicting rows these are relaxed. And m/s; cost per
 violation of them."""
 
 GROUPS = 3
-"""Groups of starts: ahead to either side; the desired twist and rest; back to either
+"""Groups of starts: the desired twist and rest; ahead to either side; back to either
 side. Mirror images are in the same group."""
 
 
@@ -527,7 +525,8 @@ def proposal_near(scene: Scene, query: Query, start: Pair, limit: float) -> Prop
     best = unsolved(within_wheels(scene.robot, start), POINT, True)
     trial = at_cost(best, cost_of(scene, query, best.twist))
     about, where, halved, count = best, -1, 0, 0
-    tries = PATIENT if limit == math.inf else HOPELESS
+    if trial.cost > DEAR * DEAR * limit:
+        return best
     for iteration in range(ITERATIONS):
         rollout = rollout_of(scene, query, trial.twist)
         met, trust = violation(scene, rollout, where), WHOLE
@@ -543,7 +542,7 @@ def proposal_near(scene: Scene, query: Query, start: Pair, limit: float) -> Prop
                 break
             halved, (v, omega) = halved + 1, trial.twist
             trust = (0.5 * abs(v - about.twist[0]), 0.5 * abs(omega - about.twist[1]))
-        elif iteration >= tries:
+        elif iteration == PATIENT:
             break
         if halved == 0:
             about = Proposal(trial.twist, trial.cost, trial.twist, met, WHOLE, True)
@@ -553,7 +552,7 @@ def proposal_near(scene: Scene, query: Query, start: Pair, limit: float) -> Prop
         qp = Proposal(about.twist, about.cost, about.twist, about.met, trust, True)
         found = solved(scene, query, qp, count)
         d_v, d_omega = found.twist[0] - trial.twist[0], found.twist[1] - trial.twist[1]
-        unmoved = met.body < 0 and abs(d_v) + abs(d_omega) < UNMOVED
+        unmoved = abs(d_v) + abs(d_omega) < UNMOVED
         # An infeasible twist may still become cheaper.
         dearest = limit if met.body < 0 else DEAR * limit
         if unmoved or found.cost == math.inf or found.cost > dearest:
@@ -592,6 +591,8 @@ def best_proposal(scene: Scene, query: Query, kept: Row) -> Proposal:
         group, limit = int(kept.group), best.cost
         kept.group = (kept.group + 1) % GROUPS
         for member in range(2):
+            # Mirror images have the same limit.
+            limit = best.cost if group == 0 else limit
             start = start_twist(query, group, member)
             found = proposal_near(scene, query, start, limit)
             cost = found.cost
@@ -614,7 +615,7 @@ def at_cost(found: Proposal, cost: float) -> Proposal:
 def start_twist(query: Query, group: int, member: int) -> Pair:
     """Return one of the starts; of a pair the one to the right is first."""
     box = query.box
-    if group == 1:
+    if group == 0:
         return query.desired if member == 0 else (0.0, 0.0)
-    v = box.v_max if group == 0 else box.v_min
+    v = box.v_max if group == 1 else box.v_min
     return v, box.omega_min if member == 0 else box.omega_max

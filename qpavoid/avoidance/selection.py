@@ -73,9 +73,6 @@ SWITCHES = (1.1, 0.5, 0.2)
 PLENTY = 0.01
 """m; margin from which on the cheapest plan is taken."""
 
-MOST_ROOM = 3.0
-"""m; bound of the margin that decides between plans of equal cost."""
-
 ALIKE = 1e-3
 """m; resolution of the margin: of plans that are equal in it the cheaper is taken."""
 
@@ -97,7 +94,7 @@ class Found(NamedTuple):
 
     Attributes:
         plan: The plan; its first twist is the target.
-        margin: Least margin of moving bodies, m, or :data:`NO_ROOM`.
+        margin: Least margin of moving bodies, m, ≤ :data:`PLENTY`; or :data:`NO_ROOM`.
         cost: Of its first twist, and a tenth of that of its second, (m/s)².
         body: Violated body, checked first for the next plan; −1: none.
         time: Of the violation, s.
@@ -190,9 +187,11 @@ def scored(scene: Scene, query: Query, plan: Plan, best: Found, last: Found) -> 
     """
     cost, body, time = plan_cost(scene, query, plan), last.body, last.time
     failed = Found(plan, NO_ROOM, cost, body, time)
-    level = quantised(best.margin)
-    if best.margin >= PLENTY and cost > best.cost:
+    dearer = cost > best.cost
+    if dearer and best.margin >= PLENTY:
         return failed
+    # A dearer plan needs a larger margin.
+    level = quantised(best.margin) + (ALIKE if dearer else 0.0)
     rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
     # The last violation recurs for most of the next plans: one check rejects them.
     if body >= 0 and margin_at(scene, rollout, body, time) < level_of(
@@ -205,7 +204,7 @@ def scored(scene: Scene, query: Query, plan: Plan, best: Found, last: Found) -> 
         met = first_violated(scene, rollout, Watch(UNWATCHED, still), ALIKE)
     if met.body >= 0:
         return Found(plan, NO_ROOM, cost, met.body, met.time)
-    return Found(plan, moving_margin(scene, rollout, MOST_ROOM), cost, body, time)
+    return Found(plan, moving_margin(scene, rollout, PLENTY), cost, body, time)
 
 
 @compiled_once

@@ -13,7 +13,7 @@ from qpavoid.errors import MissingExtraError, QPAvoidError
 
 FLAGS = (
     *("-std=c11", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fwrapv"),
-    "-fno-tree-slp-vectorize",
+    *("-fno-trapping-math", "-fno-tree-slp-vectorize"),
 )
 """No fast-math and no fused multiply-add: the bits are those of Python. No vectors of
 neighbouring numbers: loading them waits for the preceding stores."""

@@ -240,12 +240,12 @@ def roll_on(course: Course, candidate: Candidate, limit: float) -> float:
         share = min(1.0, fastest * time / max(math.sqrt(x * x + y * y), TINY))
         cost += (at.x - share * x) ** 2 + (at.y - share * y) ** 2
         cost += s.heading * (1.0 - math.cos(heading - ahead[j, HEADING]))
+        if cost > limit:
+            break
         room, surest = room_at_pose(scene, at, time, s.soft)
         cost += s.near * (s.soft - surest) ** 2
         if room < -GRAZE:
             cost += s.deep * -room + s.enter * (n - k) / n
             if room < -DEEP:
                 return float(cost + VIOLATION_COST * (n - k))
-        if cost > limit:
-            break
     return float(cost)

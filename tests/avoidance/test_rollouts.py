@@ -152,7 +152,7 @@ def test_slopes_are_those_of_finite_differences(robot, many, v, omega, last_v, l
     shifted = [[driven(*d) for d in ((s, 0.0), (0.0, s))] for s in (-h, h)]
     for time in times:
         row = np.searchsorted(rollout.arcs["begin"], time, "right") - 1
-        x_v, y_v, x_w, y_w, turn = slopes_at(rollout.arcs[row], time, DT)
+        _, _, x_v, y_v, x_w, y_w, turn = slopes_at(rollout.arcs[row], time, DT)
         before, after = ([frame_of(one, time) for one in both] for both in shifted)
         change = (np.array(after) - before) / (2 * h)
         away = np.abs(np.array(after) - 2 * np.array(frame_of(rollout, time)) + before)
