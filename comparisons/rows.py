@@ -58,22 +58,16 @@ Runs: TypeAlias = Mapping[Scene, Run]
 class Ranking(NamedTuple):
     """Scenes on which methods are compared.
 
-    Attributes:
-        table: Name of its table in the page.
-        title: For tables and the figure.
-        study: Name of its file.
-        settings: Pattern of the settings that belong to it.
-        world: Pattern of what the names of the scenes of one cluster share, or how many
-            successive numbers form one; empty: each scene is a cluster.
-        before: Planner before every method.
+    Scenes of one cluster share what the pattern ``world`` finds in their names, or are
+    so many successive numbers; empty: each scene is a cluster.
     """
 
-    table: str
-    title: str
-    study: str
-    settings: str = ""
+    table: str  # name of its table in the page
+    title: str  # for tables and the figure
+    study: str  # name of its file
+    settings: str = ""  # pattern of those that belong to it
     world: str | int = ""
-    before: str = ""
+    before: str = ""  # planner before every method
 
 
 SEEN = r"(?!together)"

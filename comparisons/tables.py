@@ -65,23 +65,14 @@ FIRST = (
 
 
 class Summary(NamedTuple):
-    """Numbers of a method: counts of runs, and its success with interval.
-
-    Attributes:
-        ran: Runs.
-        success: Share and 95 % interval.
-        moving: Runs with a contact that began while the robot moved.
-        contacts: Runs with a contact.
-        ratio: Median time relative to MPPI on common successes; NaN: fewer than FEW.
-        below: Runs nearer than r_min by more than 1 mm.
-    """
+    """Numbers of runs of a method, its success and its time."""
 
     ran: int
-    success: tuple[float, float, float]
-    moving: int
+    success: tuple[float, float, float]  # share and 95 % interval
+    moving: int  # with a contact that began while the robot moved
     contacts: int
-    ratio: float
-    below: int
+    ratio: float  # median time / MPPI on common successes; NaN: fewer than FEW
+    below: int  # nearer than r_min by more than 1 mm
 
 
 def share(hits: Array, clusters: Array) -> tuple[float, float, float]:

@@ -36,7 +36,7 @@ CEILINGS = {
     "robot": 21_990,
     "cli": 1_178,
     "lab": 13_540,
-    "comparisons": 6_888,
+    "comparisons": 6_825,
     "tests": 26_098,
 }
 """Lines of Python; ``cli`` holds all of the package but robot and lab. These numbers

@@ -115,10 +115,8 @@ def runs_of(found: Calibration, case: str) -> dict[str, Log]:
 class Draw(NamedTuple):
     """A random path past the parked robot, and the other open values.
 
-    Attributes:
-        numbers: (9,) a point on the path (m), its direction (rad), the obstacle's speed
-            (m/s), its time of entry (s); radius, limits and log10 of λ/m.
-        activation: Of the repulsive velocity.
+    Its nine numbers are a point on the path (m), its direction (rad), the obstacle's
+    speed (m/s), its time of entry (s), radius, limits and log10 of λ/m.
     """
 
     numbers: Array

@@ -284,22 +284,13 @@ TESTS: dict[str, Test] = {
 
 
 class Statement(NamedTuple):
-    """Statement of the paper and its test.
+    """Statement of the paper and its test on the runs of its case."""
 
-    Attributes:
-        case: Scenario whose runs are tested, or :data:`SHAPE`.
-        section: Of the paper.
-        words: Its own, letter by letter.
-        read: Reading that is tested.
-        measure: From the runs of the case to the measured values in words.
-        holds: From the runs of the case to whether the statement holds.
-    """
-
-    case: str
-    section: str
-    words: str
-    read: str
-    measure: Callable[[Runs], str]
+    case: str  # scenario, or SHAPE
+    section: str  # of the paper
+    words: str  # its own, letter by letter
+    read: str  # reading that is tested
+    measure: Callable[[Runs], str]  # measured values in words
     holds: Callable[[Runs], bool]
 
 

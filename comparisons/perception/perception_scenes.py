@@ -165,12 +165,7 @@ def box_walls(x1: float, y1: float, x2: float, y2: float) -> list[Line]:
 def between(times: Line, poses: Sequence[Pose]) -> Path:
     """Return a path linear between poses at times; before and after it rests."""
     columns = np.transpose(poses)
-
-    def path(time: float) -> Pose:
-        x, y, heading = (float(np.interp(time, times, one)) for one in columns)
-        return x, y, heading
-
-    return path
+    return lambda time: tuple(float(np.interp(time, times, one)) for one in columns)
 
 
 def passer(

@@ -28,18 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from qpavoid import (
-    AvoidanceSettings,
-    Freshness,
-    Limits,
-    Margins,
-    Obstacles,
-    Robot,
-    SafetyFilter,
-    SafetyRadius,
-    Stamps,
-    Status,
-)
+import qpavoid as qp
 from qpavoid.avoidance.inputs import StepMonitor, as_driven
 from qpavoid.avoidance.settings import Actuation
 from qpavoid.types import Twist
@@ -49,22 +38,22 @@ from reliability.page import add_row
 
 Call = dict[str, Any]
 
-MIR = Robot.mir100()
-LIMITED = Limits(-0.5, 2.0, -4.0, 4.0, 2.0, 5.0, wheel_speed=1.8, track=0.4)
-ENDLESS = Limits(-math.inf, math.inf, -math.inf, math.inf, 2.0, 5.0)
-CAREFUL = AvoidanceSettings(
-    radius=SafetyRadius(closing_gain=0.3),
-    margins=Margins(0.02, 0.3),
+MIR = qp.Robot.mir100()
+LIMITED = qp.Limits(-0.5, 2.0, -4.0, 4.0, 2.0, 5.0, wheel_speed=1.8, track=0.4)
+ENDLESS = qp.Limits(-math.inf, math.inf, -math.inf, math.inf, 2.0, 5.0)
+CAREFUL = qp.AvoidanceSettings(
+    radius=qp.SafetyRadius(closing_gain=0.3),
+    margins=qp.Margins(0.02, 0.3),
     weights=(1.0, 0.3),
     passive=True,
 )
-LATE = AvoidanceSettings(actuation=Actuation(0.05, 0.2, True))
-FILTERS: dict[str, tuple[Robot, AvoidanceSettings, Call]] = {
-    "plain": (MIR, AvoidanceSettings(), {}),
-    "present": (MIR, AvoidanceSettings(), {"ahead": False}),
+LATE = qp.AvoidanceSettings(actuation=Actuation(0.05, 0.2, True))
+FILTERS: dict[str, tuple[qp.Robot, qp.AvoidanceSettings, Call]] = {
+    "plain": (MIR, qp.AvoidanceSettings(), {}),
+    "present": (MIR, qp.AvoidanceSettings(), {"ahead": False}),
     "careful": (replace(MIR, limits=LIMITED), CAREFUL, {}),
     "late": (replace(MIR, limits=LIMITED), LATE, {}),
-    "endless": (replace(MIR, limits=ENDLESS), AvoidanceSettings(), {}),
+    "endless": (replace(MIR, limits=ENDLESS), qp.AvoidanceSettings(), {}),
 }
 """Robot, settings, and further arguments of the filter."""
 
@@ -122,7 +111,8 @@ def odd_things(rng: np.random.Generator) -> list[Any]:
         *(Evil(error) for error in (*errors, RecursionError())),
         *(Array(value) for value in (some, "no", None, np.zeros((2, 2), "V8"))),
         *(lambda: 0.0, np.array(0.5), Array(some[0]), [Evil(BaseException())]),
-        *(Stamps, Stamps(0.0), Obstacles(some + 3.0), memoryview(some), bytearray(16)),
+        *(qp.Stamps, qp.Stamps(0.0), qp.Obstacles(some + 3.0), memoryview(some)),
+        bytearray(16),
     ]
 
 
@@ -143,7 +133,7 @@ def good_call(rng: np.random.Generator) -> Call:
         walls = rng.uniform(-size, size, (m, 4))
         corners = np.add([(0, 0), (0.5, 0), (0.2, 0.4)], rng.uniform(-size, size, 2))
         kinds = discs, velocities, walls, [corners], rng.uniform(-1.0, 1.0, (1, 3))
-        call["obstacles"] = Obstacles(call.pop("points"), *kinds)
+        call["obstacles"] = qp.Obstacles(call.pop("points"), *kinds)
     if rng.random() < 0.3:
         call["age"] = float(rng.uniform(0.0, 0.2))
     if rng.random() < 0.2:
@@ -166,7 +156,7 @@ def spoil(rng: np.random.Generator, call: Call, odd: list[Any]) -> None:
         value = np.full(rng.integers(0, 5, 2), some_number(rng))
     elif how == 2 and rng.random() < 0.5:
         stamps = [some_number(rng) for _ in range(rng.integers(1, 7))]
-        name, value = "stamps", Stamps(*stamps)
+        name, value = "stamps", qp.Stamps(*stamps)
     else:
         value = odd[rng.integers(len(odd))]
     call[name] = value
@@ -186,7 +176,7 @@ def calls(seed: int) -> Iterator[Call]:
             yield call
 
 
-def within(robot: Robot, last: Twist, dt: float, twist: Twist) -> bool:
+def within(robot: qp.Robot, last: Twist, dt: float, twist: Twist) -> bool:
     """Return whether a twist is within limits, and accelerations from the last one."""
     v_min, v_max, w_min, w_max, a, b, wheel, track, _ = robot.limit_vector
     v, omega = twist
@@ -203,7 +193,7 @@ def resident() -> int:
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
 
 
-def ask(safety: SafetyFilter, call: Call) -> tuple[dict[str, bool], float, str]:
+def ask(safety: qp.SafetyFilter, call: Call) -> tuple[dict[str, bool], float, str]:
     """Make a call; return its faults, the processor time in s, and what it was."""
     lasts, dt = [tuple(safety._engine.state[:2].tolist())], safety.settings.dt
     with suppress(BaseException):  # no driven twist, or a wrong one
@@ -218,11 +208,11 @@ def ask(safety: SafetyFilter, call: Call) -> tuple[dict[str, bool], float, str]:
         safety._monitor = StepMonitor(safety.freshness, dt)
     twist, near = (answer.v, answer.omega), call.get("obstacles", call.get("points"))
     found = {
-        "invalid": answer.status is Status.INVALID,
+        "invalid": answer.status is qp.Status.INVALID,
         "not finite": not all(map(math.isfinite, twist)),
         "beyond limits": not any(within(safety.robot, x, dt, twist) for x in lasts),
     }
-    sized = type(near) is Obstacles or getattr(near, "shape", ())
+    sized = type(near) is qp.Obstacles or getattr(near, "shape", ())
     return found, took, f"{answer.status}: {len(near) if sized else 0} near"
 
 
@@ -230,8 +220,9 @@ def study(solver: str, total: int, seed: int = 0) -> Call:
     """Return the row of a solver: calls shared evenly among :data:`FILTERS`."""
     row = dict.fromkeys(("invalid", "raised", "not finite", "beyond limits"), 0)
     warm, grown, worst = total // 20, 0, (0.0, "")
+    fresh = qp.Freshness(good=0.0)
     filters = [
-        SafetyFilter(robot, settings, solver, freshness=Freshness(good=0.0), **how)
+        qp.SafetyFilter(robot, settings, solver, freshness=fresh, **how)
         for robot, settings, how in FILTERS.values()
     ]
     for safety in filters:  # allocates the largest workspace

@@ -20,17 +20,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import shapely
 
-from qpavoid import (
-    AvoidanceSettings,
-    Freshness,
-    Limits,
-    Obstacles,
-    Robot,
-    SafetyFilter,
-    Stamps,
-)
-from qpavoid.avoidance.decision import Status
-from qpavoid.avoidance.settings import SafetyRadius
+import qpavoid as qp
 from qpavoid.model.kinematics import integrate, to_world
 from qpavoid.types import Array, Pose
 
@@ -38,9 +28,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from reliability.page import add_row
 
 DT, STEPS, RANGE = 0.02, 300, 6.0
-LIMITS = Limits(-0.5, 1.0, -1.5, 1.5, 2.0, 4.0), Limits(0.0, 1.5, -1.5, 1.5, 0.8, 2.0)
+QUICK, LAZY = (-0.5, 1.0, -1.5, 1.5, 2.0, 4.0), (0.0, 1.5, -1.5, 1.5, 0.8, 2.0)
+"""Limits of the robots of even and odd loops."""
+
 R_MIN = 0.17, 0.05
-FRESH = Freshness(points=0.1, odometry=0.1, good=0.1)
+FRESH = qp.Freshness(points=0.1, odometry=0.1, good=0.1)
 WITHIN = (
     "none",
     "scans drop",
@@ -82,7 +74,7 @@ class World:
         self.footprint = shapely.Polygon(corners)
         self.pose: Pose = 0.0, 0.0, 0.0
         places = rng.uniform(-5.0, 5.0, (40, 2))
-        self.posts = Obstacles(places[np.hypot(*places.T) > 1.2])
+        self.posts = qp.Obstacles(places[np.hypot(*places.T) > 1.2])
 
     def scan(self) -> Array:
         """Return the posts in range, robot frame."""
@@ -102,17 +94,17 @@ class World:
 
 def brought(points: Array, before: Pose, now: Pose) -> Array:
     """Return points of one robot pose in the frame of another."""
-    return Obstacles(to_world(points, before)).seen_from(now).points
+    return qp.Obstacles(to_world(points, before)).seen_from(now).points
 
 
 def given(
     fault: str, now: float, scans: list[Scan], rng: np.random.Generator
-) -> tuple[Any, Stamps]:
+) -> tuple[Any, qp.Stamps]:
     """Return points and stamps of a step; ``scans``: all so far, with their times."""
     (stamp, points), late = scans[-1], scans[max(0, len(scans) - 1 - int(0.5 / DT))]
     valid = 1.0
     if fault == "scans drop":
-        return late[1], Stamps(now, odometry=now, steady=now)
+        return late[1], qp.Stamps(now, odometry=now, steady=now)
     if fault == "scans freeze, stamps too":
         stamp, points = scans[0]
     elif fault == "scans freeze, newly stamped":
@@ -130,19 +122,19 @@ def given(
     elif fault == "blind, not said":
         points = np.empty((0, 2))
     elif fault == "no data":
-        return None, Stamps(now, points=stamp, odometry=now, steady=now)
+        return None, qp.Stamps(now, points=stamp, odometry=now, steady=now)
     elif fault == "NaN in a scan" and len(points):
         points = points.copy()
         points[rng.integers(len(points)), 0] = math.nan
-    return points, Stamps(now, points=stamp, odometry=now, valid=valid, steady=now)
+    return points, qp.Stamps(now, points=stamp, odometry=now, valid=valid, steady=now)
 
 
 def run(fault: str, seed: int) -> tuple[float, bool]:
     """Return the least clearance of a loop, m, and whether the robot moved then."""
     rng, lazy = np.random.default_rng(seed), seed % 2
-    robot = replace(Robot.mir100(), limits=LIMITS[lazy])
-    radius = SafetyRadius(R_MIN[lazy], R_MIN[lazy])
-    safety = SafetyFilter(robot, AvoidanceSettings(radius), freshness=FRESH)
+    robot = replace(qp.Robot.mir100(), limits=qp.Limits(*(LAZY if lazy else QUICK)))
+    radius = qp.SafetyRadius(R_MIN[lazy], R_MIN[lazy])
+    safety = qp.SafetyFilter(robot, qp.AvoidanceSettings(radius), freshness=FRESH)
     world = World(rng, robot.footprint.vertices)
     began, lasts = int(rng.integers(50, 200)), int(rng.integers(5, 100))
     desired, scans, pose = (0.0, 0.0), list[tuple[float, Array, Pose]](), world.pose
@@ -176,7 +168,7 @@ def run(fault: str, seed: int) -> tuple[float, bool]:
         pose = integrate(pose, measured, 0.0, DT)
         moves = max(abs(true[0]), abs(true[1])) > 1e-3
         least, touched = min(least, clearance), touched or (clearance <= 0.0 and moves)
-        if decision.status is Status.INVALID and fails == "none" and step < began:
+        if decision.status is qp.Status.INVALID and fails == "none" and step < began:
             raise RuntimeError(f"{fault}, {seed}: {decision.problem}")
     return least, touched
 

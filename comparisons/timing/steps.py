@@ -14,48 +14,36 @@ import resource
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
+from itertools import product
 from pathlib import Path
 from time import perf_counter_ns
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from qpavoid.avoidance.decision import Decision, Status
-from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.errors import QPAvoidError
-from qpavoid.model.robot import Robot
+import qpavoid as qp
 from qpavoid.qp.problem import ScaledProblem
 from qpavoid.qp.solve import BackEnd
 from qpavoid.types import Array
+from timing import trials
 from timing.exported import step_times
 from timing.peers import CONTENDERS
 from timing.recorded import Scan, record_scans
 from timing.tables import FAULTS, pivot, write_tables
-from timing.trials import (
-    FULL,
-    QUICK,
-    Case,
-    Contender,
-    Plan,
-    Row,
-    quantiles,
-    race,
-    undisturbed,
-)
+from timing.trials import FULL, QUICK, Case, Contender, Plan, Row
 
 POINTS = (1, 10, 100, 1000, 10_000)
 OURS, AHEAD = "qpavoid", "qpavoid, ahead"
-EXPORTED, AHEAD_EXPORTED = "exported C", "exported C, ahead"
+EXPORTED = {"exported C": False, "exported C, ahead": True}
 
 
-def one_step() -> SafetyFilter:
+def one_step() -> qp.SafetyFilter:
     """Return the one-step filter, the reference of the answers."""
-    return SafetyFilter(Robot.mir100(), ahead=False)
+    return qp.SafetyFilter(qp.Robot.mir100(), ahead=False)
 
 
-def _twist(decision: Decision) -> Array:
-    failed = decision.status is Status.STOPPED
+def _twist(decision: qp.Decision) -> Array:
+    failed = decision.status is qp.Status.STOPPED
     twist: Array = np.full(2, math.nan) if failed else np.array(decision[:2])
     return twist
 
@@ -111,7 +99,7 @@ class NumpyStep:
 
 
 def _ours(solver: str = "exact", ahead: bool = False) -> Contender:
-    call = SafetyFilter(Robot.mir100(), solver=solver, ahead=ahead).filter
+    call = qp.SafetyFilter(qp.Robot.mir100(), solver=solver, ahead=ahead).filter
     return Contender(lambda scan: call(scan[0], scan[1], scan[2]), _twist)
 
 
@@ -136,14 +124,12 @@ def step_cases(points: int, count: int) -> list[Case]:
 
     Scans at which it relaxes or stops are left out: peers have no such answer.
     """
-    safety = one_step()
-    decided = [(scan, safety.filter(*scan)) for scan in record_scans(points, count)]
-    good = (Status.TRACKING, Status.FILTERED)
-    return [
-        Case(scan, np.array([decision.v, decision.omega]), np.ones(2))
-        for scan, decision in decided
-        if decision.status in good
-    ]
+    safety, cases = one_step(), []
+    for scan in record_scans(points, count):
+        decision = safety.filter(*scan)
+        if decision.status in (qp.Status.TRACKING, qp.Status.FILTERED):
+            cases.append(Case(scan, np.array(decision[:2]), np.ones(2)))
+    return cases
 
 
 def time_steps(sizes: Sequence[int], names: Iterable[str], plan: Plan) -> list[Row]:
@@ -163,7 +149,7 @@ def time_steps(sizes: Sequence[int], names: Iterable[str], plan: Plan) -> list[R
                 print(f"{name} is not installed")
         safety = one_step()
         rows = np.median([len(safety.problem(*case.question).b) for case in cases])
-        found = race(contenders, cases, plan._replace(passes=plan.calls))
+        found = trials.race(contenders, cases, plan._replace(passes=plan.calls))
         for name, row in found.items():
             if name == AHEAD:
                 row |= dict.fromkeys((*FAULTS, "error_p99", "worst_error"))
@@ -178,17 +164,16 @@ def time_exported(sizes: Sequence[int], plan: Plan) -> list[Row]:
     Every step starts from rest, so that the look-ahead repeats its whole search.
     """
     table: list[Row] = []
-    for ahead in (False, True):
-        for points in sizes:
-            scans = [case.question for case in step_cases(points, plan.scans)]
-            setup = Robot.mir100(), AvoidanceSettings()
-            try:
-                times = 1e-3 * step_times(*setup, scans, ahead, 20)
-            except QPAvoidError as error:
-                print(error)
-                return []
-            row: Row = {"step": AHEAD_EXPORTED if ahead else EXPORTED, "points": points}
-            table.append(row | {"calls": len(times)} | quantiles(times))
+    setup = qp.Robot.mir100(), qp.AvoidanceSettings()
+    for (name, ahead), points in product(EXPORTED.items(), sizes):
+        scans = [case.question for case in step_cases(points, plan.scans)]
+        try:
+            times = 1e-3 * step_times(*setup, scans, ahead, 20)
+        except qp.QPAvoidError as error:
+            print(error)
+            return []
+        row: Row = {"step": name, "points": points, "calls": len(times)}
+        table.append(row | trials.quantiles(times))
     return table
 
 
@@ -207,7 +192,7 @@ def endure(points: int, calls: int, scans: int = 100) -> Row:
     recorded = record_scans(points, scans)
     rows = max(len(safety.problem(*scan).b) for scan in recorded)
     times = np.zeros(calls, dtype=np.int64)
-    with undisturbed():
+    with trials.undisturbed():
         for scan in recorded * 2:
             safety.filter(*scan)
         before = resource.getrusage(resource.RUSAGE_SELF)
@@ -219,7 +204,7 @@ def endure(points: int, calls: int, scans: int = 100) -> Row:
         after = resource.getrusage(resource.RUSAGE_SELF)
     unit = 2**20 if sys.platform == "darwin" else 2**10
     row: Row = {"points": points, "rows": rows, "calls": calls}
-    row |= {"row_evaluations": row_evaluations(rows)} | quantiles(1e-3 * times)
+    row |= {"row_evaluations": row_evaluations(rows)} | trials.quantiles(1e-3 * times)
     row["switches"] = after.ru_nivcsw - before.ru_nivcsw
     return row | {"growth_mb": (after.ru_maxrss - before.ru_maxrss) / unit}
 
