@@ -31,15 +31,17 @@ def square(a: Corner, b: Corner) -> int:
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2
 
 
+def bend(a: Corner, b: Corner, c: Corner) -> int:
+    """Return 1 if a corner b turns left, −1 right, 0 hardly."""
+    left = turn(a, b, c)
+    bent = left * left * BENT > square(a, b) * square(b, c)
+    return (left > 0) - (left < 0) if bent else 0
+
+
 def bends(corners: list[Corner]) -> list[int]:
-    """Return 1 for the corners of a polygon that turn left, −1 right, 0 hardly."""
-    found = []
-    for i, b in enumerate(corners):
-        a, c = corners[i - 1], corners[(i + 1) % len(corners)]
-        left = turn(a, b, c)
-        bent = left * left * BENT > square(a, b) * square(b, c)
-        found.append((left > 0) - (left < 0) if bent else 0)
-    return found
+    """Return :func:`bend` of each corner of a polygon."""
+    n = len(corners)
+    return [bend(corners[k - 1], b, corners[k + 1 - n]) for k, b in enumerate(corners)]
 
 
 def touch(a: Corner, b: Corner, c: Corner, d: Corner) -> bool:
@@ -80,17 +82,15 @@ def exact(vertices: Array) -> list[Corner]:
 
 
 def is_diagonal(corners: list[Corner], i: int, j: int) -> bool:
-    """Return whether the segment between two corners lies within a polygon."""
+    """Return whether the segment of two corners, not neighbours, is in a polygon."""
     n, a, b = len(corners), corners[i], corners[j]
     for k in range(n):
         ends = k, (k + 1) % n
-        if i not in ends and j not in ends:
-            if touch(a, b, corners[ends[0]], corners[ends[1]]):
-                return False
+        if not {i, j} & {*ends} and touch(a, b, *(corners[end] for end in ends)):
+            return False
     before, after = corners[i - 1], corners[(i + 1) % n]
     beyond = turn(before, a, b) <= 0, turn(a, after, b) <= 0
-    outside = all(beyond) if turn(before, a, after) < 0 else any(beyond)
-    return (i - j) % n not in (1, n - 1) and not outside
+    return not (all(beyond) if turn(before, a, after) < 0 else any(beyond))
 
 
 def convex_parts(corners: list[Corner]) -> list[list[Corner]]:
@@ -102,16 +102,18 @@ def convex_parts(corners: list[Corner]) -> list[list[Corner]]:
     """
     turns = bends(corners)
     if -1 not in turns:
-        part = [one for one, bend in zip(corners, turns, strict=True) if bend]
+        part = [one for one, bent in zip(corners, turns, strict=True) if bent]
         return [part] if len(part) > 2 else []
-    cuts = []
-    for i in (k for k, bend in enumerate(turns) if bend < 0):
-        for j in (k for k in range(len(corners)) if is_diagonal(corners, i, k)):
-            low, high = min(i, j), max(i, j)
-            halves = corners[low : high + 1], corners[high:] + corners[: low + 1]
-            inward = sum(bends(half).count(-1) for half in halves)
-            cuts.append((inward, square(corners[i], corners[j]), halves))
-    halves = min(cuts, key=lambda cut: cut[:2])[2]
+    cuts, n = [], len(corners)
+    for i in (k for k, one in enumerate(turns) if one < 0):
+        for j in (k for k in range(n) if (i - k) % n not in (0, 1, n - 1)):
+            a, b = corners[i], corners[j]
+            left = [bend(corners[i - 1], a, b), bend(b, a, corners[i + 1 - n])]
+            left += [bend(corners[j - 1], b, a), bend(a, b, corners[j + 1 - n])]
+            cuts.append((left.count(-1) - (turns[j] < 0), square(a, b), i, j))
+    cut = next(x[2:] for x in sorted(cuts) if is_diagonal(corners, *x[2:]))
+    low, high = sorted(cut)
+    halves = corners[low : high + 1], corners[high:] + corners[: low + 1]
     return [part for half in halves for part in convex_parts(half)]
 
 
@@ -120,9 +122,7 @@ def checked(given: Any) -> Array:
     try:
         vertices = np.array(given, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise InvalidInputError(
-            f"footprint vertices must be numbers: {error}"
-        ) from None
+        raise InvalidInputError(f"footprint corners must be numbers: {error}") from None
     if vertices.ndim != 2 or vertices.shape[1] != 2 or len(vertices) < 3:
         raise InvalidInputError(
             f"a footprint takes (n, 2) vertices with n >= 3, not shape {vertices.shape}"

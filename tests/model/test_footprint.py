@@ -111,7 +111,6 @@ def test_sizes_are_positive(size):
         ([(0, 0), (2, 2), (2, 0), (0, 2)], "crosses or touches itself"),
         (SQUARE * 2, "crosses or touches itself"),
         ([(0, 0), (1, 0)], "n >= 3"),
-        ([], "n >= 3"),
         ([(0, 0), (1, 0), (math.nan, 1)], "finite"),
         ([(0, 0), (1, 0), (math.inf, 1)], "finite"),
         ([(0, 0, 0), (1, 0, 0), (0, 1, 0)], r"not shape \(3, 3\)"),
