@@ -1,182 +1,349 @@
-"""A robot parked at a bench lets people pass and returns: number of contacts.
+"""Station keeping: a cart parked at a workbench, and people of nine kinds come by.
 
-Three people walk past its place one after the other, straight on, at 0.5 to 1.5 m/s;
-they never yield. The guide knows their places and velocities,
-or has a LiDAR: points alone, or perception of its scans. A robot that does nothing
-meets the same people.
+Each visit has one person (``people.py``) of 0.5 to 1.5 m/s. Six kinds walk past, at
+most 1 m from the station's middle, and react to the robot in HuNavSim's six ways. One
+walks straight up to it, stands beside it for 6 s, and turns back. One carries a box,
+one pushes a cart; neither takes notice of the robot. All methods see perception's
+obstacles of a LiDAR all round at 10 Hz; ``points`` has its points alone.
 
-Run: python comparisons/encounters/station.py [--scenes 120] [--film film.gif]
+Run: python comparisons/encounters/station.py [--visits 30] [--film film.gif]
 """
 
 import argparse
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
+from matplotlib.patches import Circle, Polygon
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "perception"))
-from perception_loops import ROBOT, SETTINGS, touches  # type: ignore[import-not-found]
+from people import ARRIVED, REACTIONS, People
+from perception_loops import ROBOT, SETTINGS  # type: ignore[import-not-found]
+from perception_scenes import box_walls  # type: ignore[import-not-found]
+from qpavoid.avoidance.controllers import StepContext
 from qpavoid.guide.guide import Guide
-from qpavoid.lab.sensing.lidar import LidarSettings, Sensor, scanner
+from qpavoid.lab.scenario.methods import make_controller
+from qpavoid.lab.sensing.lidar import LidarSettings, scanner
 from qpavoid.lab.study.tables import write_csv
+from qpavoid.model.contacts import clearance_of
 from qpavoid.model.kinematics import integrate, to_world
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.types import Pose
+from qpavoid.model.robot import limit_twist
+from qpavoid.tracking.kanayama import Gains, Reference, tracking_error
+from qpavoid.tracking.station import StationKeeping, StationTracker
+from qpavoid.types import Array, Pose, Twist
 
-BENCH = (-0.6, -0.75, 0.9, -0.75)
-"""x1, y1, x2, y2 of its edge, m."""
+KINDS = *REACTIONS, "beside", "box", "cart"
+METHODS = "ours", "points", "eq5", "eq7", "qp", "nothing"
+"""``ours``: guide and perception; ``nothing``: a robot that never moves, as one that
+stops for obstacles does while it is parked."""
 
-ROOM = ((-5, -4, 5, -4), (5, -4, 5, 4), (5, 4, -5, 4), (-5, 4, -5, -4))
-"""Its walls, for the LiDAR, m."""
+STATION: Pose = (0.0, 0.0, 0.0)
+BENCH = -0.6, -1.35, 0.9, -0.75
+"""Corners of the workbench, m."""
+
+REGION = (-2.5, -0.5), (2.5, -0.5), (2.5, 2.5), (-2.5, 2.5)
+"""Area that the middle of the robot does not leave, m."""
+
+BODIES = {"box": (0.15, -0.4, 0.55, 0.4), "cart": (0.4, -0.4, 1.6, 0.4)}
+"""Loads ahead of the person: two corners, m."""
 
 LIDAR = LidarSettings(range=12.0)
 """360 beams at 10 Hz, σ 1 cm."""
 
-RADIUS, ASIDE, SIGHT, SECONDS = 0.25, 1.0, 6.0, 40.0
-"""Of a person, m; greatest distance of a path from the station, m; range in which
-people are known, m; of a scene, s."""
+ROOM = box_walls(-8.0, -7.0, 8.0, 7.0)
+RADIUS, START, ASIDE, FREE = 0.25, 5.5, 1.0, 0.1
+"""Of a person, m; way before and after the nearest place, m; greatest distance of that
+from the station, m; least distance of a way from the bench, m."""
 
-STATION = (0.0, 0.0, 0.0)
+STAYS, REACTS, RETURN, LATE = 6.0, 15.0, 10.0, 75.0
+"""s beside the robot; of a reaction; after a visit; greatest duration of a scene."""
+
+AWAY = 0.02, math.radians(2.0)
+"""m and rad from which on the robot is away from its station."""
+
+FILM = ("impassive", 5, 0.0), ("beside", 2, 7.0), ("cart", 0, 19.0)
+"""Visits of the film: kind, seed, and s by which somebody is later."""
+
 OUT = Path(__file__).parents[1] / "results/station.csv"
+Row: TypeAlias = dict[str, Any]
 
 
-class Person:
-    """A disc that moves past the station and past the bench, straight on."""
+class Visitor:
+    """A person of a kind who comes by and goes away.
 
-    def __init__(self, rng: np.random.Generator, arrives: float) -> None:
-        x1, y1, x2, y2 = BENCH
-        gap, share = 0.0, np.linspace(0.0, 1.0, 50)[:, None]
-        while gap < RADIUS + 0.05:
-            angle, aside = rng.uniform(-math.pi, math.pi), rng.uniform(-ASIDE, ASIDE)
+    Attributes:
+        people: The person.
+        gone: Whether the visit is over.
+    """
+
+    def __init__(self, kind: str, seed: int, delay: float = 0.0) -> None:
+        random = np.random.default_rng((KINDS.index(kind), seed))
+        self._load = BODIES.get(kind)
+        half = RADIUS if self._load is None else self._load[3]
+        self._stays = STAYS if kind == "beside" else 0.0
+        self._speed, gap = random.uniform(0.5, 1.5), -1.0
+        while gap < half + (0.5 if self._stays else FREE):
+            angle, aside = random.uniform(-math.pi, math.pi), random.uniform(-1, 1)
             way = np.array([math.cos(angle), math.sin(angle)])
-            left = np.array([-way[1], way[0]])
-            bench = (1.0 - share) * [x1, y1] + share * [x2, y2]
-            apart = (bench - aside * left) @ left
-            gap = float(np.abs(apart).min())
-        self.nearest, self.velocity = aside * left, rng.uniform(0.5, 1.5) * way
-        self.arrives = arrives
+            near = ASIDE * aside * np.array([-way[1], way[0]])
+            ends = -START, START
+            if self._stays:
+                ends = -START, -standing_place(way, 0.65 + 0.35 * aside)
+                near *= 0.0
+            line = near + np.linspace(*ends, 100)[:, None] * way
+            gap = float(to_box(line, BENCH).min())
+        begin = line[:1] - self._speed * delay * way
+        kind = kind if kind in REACTIONS else "impassive"
+        more = self._speed, RADIUS, None, kind, box_walls(*BENCH), seed
+        self.people = People(begin, line[-1:], *more)
+        self.people.robot_radius = ROBOT.footprint.circumradius
+        self.people.duration, self._home = REACTS, line[:1]
 
-    def at(self, time: float) -> Any:
-        """Return the place at a time, m."""
-        return self.nearest + (time - self.arrives) * self.velocity
+    @property
+    def gone(self) -> bool:
+        """Whether the person has arrived, and does not turn back."""
+        return self._stays <= 0.0 and self._left < 1.2 * ARRIVED
+
+    @property
+    def _left(self) -> float:
+        return float(np.linalg.norm(self.people.goals - self.people.places))
+
+    def step(self, pose: Pose, twist: Twist, dt: float) -> None:
+        """Go on for dt, s, beside a robot with a pose and a twist."""
+        people, (v, _) = self.people, twist
+        if self._stays > 0.0:
+            people.speeds[:] = min(self._speed, max(0.2, self._left / 0.8))
+            self._stays -= dt * (self._left < ARRIVED)
+            if self._stays <= 0.0:
+                people.goals, people.speeds[:] = self._home, self._speed
+        people.step(pose, (v * math.cos(pose[2]), v * math.sin(pose[2])), dt)
+
+    @property
+    def outlines(self) -> list[Array]:
+        """Polygons of the load, world frame, m."""
+        if self._load is None:
+            return []
+        corners = np.array(box_walls(*self._load))[:, :2]
+        return [to_world(corners, (*self.disc[:2], self.people.headings[0]))]
+
+    @property
+    def disc(self) -> tuple[float, float, float]:
+        """x, y and radius of the person, m."""
+        x, y = self.people.places[0].tolist()
+        return x, y, RADIUS
 
 
-def people_of(seed: int) -> list[Person]:
-    """Return the people of a scene, about 8 s apart."""
-    rng = np.random.default_rng(seed)
-    return [Person(rng, 8.0 + 8.0 * k + rng.uniform(-2.0, 2.0)) for k in range(3)]
+def standing_place(way: Array, gap: float) -> float:
+    """Return the distance from the station, m, at which somebody is a gap away."""
+    (x, y), far = ROBOT.footprint.vertices.max(axis=0), np.linspace(0.0, 3.0, 301)
+    gaps = to_box(-far[:, None] * way, (-x, -y, x, y)) - RADIUS
+    return float(far[np.argmax(gaps >= gap)])
 
 
-def seen(people: Sequence[Person], time: float) -> Obstacles:
-    """Return the bench and the people in sight, world frame."""
-    near = [one for one in people if np.hypot(*one.at(time)) < SIGHT]
-    discs = [(*one.at(time), RADIUS) for one in near]
+def to_box(places: Array, box: Sequence[float]) -> Array:
+    """Return the distances (n,) of places (n, 2) from a box, m; 0 inside."""
+    outside = np.maximum(np.subtract(box[:2], places), places - box[2:])
+    return np.asarray(np.hypot(*np.maximum(outside, 0.0).T))
+
+
+def seen(visitors: Sequence[Visitor], *walls: Sequence[float]) -> Obstacles:
+    """Return people, their loads, and walls, world frame."""
     return Obstacles(
-        discs=np.reshape(discs, (-1, 3)),
-        disc_velocities=np.reshape([one.velocity for one in near], (-1, 2)),
-        walls=[BENCH],
+        discs=[x.disc for x in visitors],
+        walls=np.reshape(walls, (-1, 4)),
+        polygons=[y for x in visitors for y in x.outlines],
     )
 
 
+def clearance(pose: Pose, bodies: Obstacles) -> float:
+    """Return the distance of the robot at a pose from bodies in the world frame, m."""
+    return clearance_of(ROBOT.footprint, bodies.seen_from(pose).arrays)
+
+
+def driver(method: str) -> Callable[[Pose, Obstacles, Twist], Twist]:
+    """Return the function from pose, obstacles and last twist to the next twist."""
+    if method == "nothing":
+        return lambda pose, obstacles, last: (0.0, 0.0)
+    if method in ("ours", "points"):
+        guide = Guide(ROBOT, SETTINGS)
+        guide.stay(STATION, region=REGION)
+        return lambda pose, obstacles, last: guide.step(pose, obstacles)[:2]
+    step = make_controller(method, ROBOT, SETTINGS).start()
+    track = StationTracker(Gains(), StationKeeping(), ROBOT.limits).start()
+
+    def drive(pose: Pose, obstacles: Obstacles, last: Twist) -> Twist:
+        error = tracking_error(pose, STATION)
+        context = StepContext(pose, error, (0.0, 0.0), error, last)
+        wanted = track(pose, Reference(*STATION, 0.0, 0.0))
+        twist = step(*wanted, obstacles, context)[:2]
+        return limit_twist(ROBOT.limit_vector, twist, last, SETTINGS.dt)
+
+    return drive
+
+
 def drive(
-    people: Sequence[Person], guided: bool, see: Sensor | None = None
-) -> tuple[list[Pose], list[bool]]:
-    """Return the poses, one a control step, and who of the people is touched.
+    visitors: Sequence[Visitor], method: str, seed: int
+) -> tuple[list[Pose], list[list[Any]], Row]:
+    """Return poses, drawn bodies, and the figures of a scene."""
+    dt, pose, twist, late = SETTINGS.dt, STATION, (0.0, 0.0), RETURN
+    lidar = replace(LIDAR, seed=seed, perception=method != "points")
+    see, decide = scanner(ROBOT, lidar), driver(method)
+    walls = box_walls(*BENCH)
+    poses, shown, touched = [pose], [[(x.disc, x.outlines) for x in visitors]], ""
+    near, driven, away, bench = math.inf, 0.0, 0.0, math.inf
+    for k in range(round(LATE / dt)):
+        there = seen(visitors, *walls, *ROOM)
+        there = there if method == "nothing" else see(k * dt, there, pose)
+        twist = decide(pose, there, twist)
+        for one in visitors:
+            one.step(pose, twist, dt)
+        pose = integrate(pose, twist, 0.0, dt)
+        gap = clearance(pose, seen(visitors))
+        moves = abs(twist[0]) > 0.02 or abs(twist[1]) > 0.05
+        touched = touched or (gap < 0.0) * ("robot" if moves else "person")
+        near, bench = min(near, gap), min(bench, clearance(pose, seen((), *walls)))
+        driven += abs(twist[0]) * dt
+        x, y, turned = tracking_error(pose, STATION)
+        away += dt * (math.hypot(x, y) > AWAY[0] or abs(turned) > AWAY[1])
+        poses.append(pose)
+        shown.append([(x.disc, x.outlines) for x in visitors])
+        late -= dt * all(x.gone for x in visitors)
+        if late < 0.0:
+            break
+    off = 1000.0 * math.hypot(x, y), math.degrees(abs(turned))
+    figures = touched, bench < 0.0, near, driven, away, *off
+    return poses, shown, dict(zip(FIGURES, figures, strict=True))
 
-    Without a sensor the guide knows the people in sight.
+
+FIGURES = "touched", "bench", "distance_m", "driven_m", "away_s", "off_mm", "off_deg"
+"""Of a visit: who moved at the first contact; whether the bench is touched; least
+distance, m; way, m; time away from the station, s; final error, mm and degrees."""
+
+
+def visit(job: tuple[str, str, int]) -> Row:
+    """Return the figures of a method, kind and seed."""
+    method, kind, seed = job
+    return drive([Visitor(kind, seed)], method, seed)[2]
+
+
+def summary(rows: Sequence[Row], still: Sequence[Row]) -> Row:
+    """Return the figures of a method and kind, given those of a robot at rest.
+
+    ``free`` are people who do not touch a robot at rest, ``clear`` those who keep the
+    greatest r_min from it; ``off`` are visits after which the robot is not back.
     """
-    guide, poses, touched = Guide(ROBOT, SETTINGS), [STATION], [False] * len(people)
-    guide.stay(STATION)
-    for k in range(round(SECONDS / SETTINGS.dt)):
-        time = k * SETTINGS.dt
-        for i, one in enumerate(people):
-            disc = Obstacles(discs=[(*one.at(time), RADIUS)])
-            touched[i] |= touches(poses[-1], disc)
-        if see is None:
-            world = seen(people, time).seen_from(poses[-1])
-        else:
-            discs = [(*one.at(time), RADIUS) for one in people]
-            there = Obstacles(discs=discs, walls=[BENCH, *ROOM])
-            world = see(time, there, poses[-1])
-        twist = guide.step(poses[-1], world)[:2] if guided else (0.0, 0.0)
-        poses.append(integrate(poses[-1], twist, 0.0, SETTINGS.dt))
-    return poses, touched
-
-
-def row(seed: int) -> dict[str, float]:
-    """Return the contacts of a scene, those of a robot at rest, and the final error."""
-    people, lidar = people_of(seed), replace(LIDAR, seed=seed)
-    points = scanner(ROBOT, replace(lidar, perception=False))
-    poses, touched = drive(people, True)
-    x, y, heading = poses[-1]
-    turned = math.degrees(abs(math.remainder(heading, math.tau)))
+    pairs, least = list(zip(rows, still, strict=True)), SETTINGS.radius.r_min(math.inf)
+    free = [a["driven_m"] for a, b in pairs if not b["touched"]]
+    clear = [a["driven_m"] for a, b in pairs if b["distance_m"] > least]
     return {
-        "seed": seed,
-        "people": len(people),
-        "touched": sum(touched),
-        "touched_at_rest": sum(drive(people, False)[1]),
-        "touched_by_points": sum(drive(people, True, points)[1]),
-        "touched_by_scans": sum(drive(people, True, scanner(ROBOT, lidar))[1]),
-        "error_mm": round(1000.0 * math.hypot(x, y), 2),
-        "turned_deg": round(turned, 3),
+        "visits": len(rows),
+        "by_robot": sum(x["touched"] == "robot" for x in rows),
+        "by_person": sum(x["touched"] == "person" for x in rows),
+        "bench": sum(x["bench"] for x in rows),
+        "distance_m": round(float(np.mean([x["distance_m"] for x in rows])), 3),
+        "free": len(free),
+        "driven_free_m": round(sum(free), 2),
+        "clear": len(clear),
+        "driven_clear_m": round(sum(clear), 2),
+        "driven_m": round(sum(x["driven_m"] for x in rows), 2),
+        "away_s": round(sum(x["away_s"] for x in rows), 1),
+        "off": sum(x["off_mm"] > 20.0 or x["off_deg"] > 2.0 for x in rows),
+        "off_mm": round(max(x["off_mm"] for x in rows), 1),
+        "off_deg": round(max(x["off_deg"] for x in rows), 2),
     }
 
 
-def study(scenes: int, path: Path) -> None:
-    """Write a row per scene, and print their sums."""
-    with ProcessPoolExecutor(2) as pool:
-        rows = list(pool.map(row, range(scenes)))
-    write_csv(path, rows)
-    for name in list(rows[0])[1:6]:
-        print(name, sum(one[name] for one in rows))
-    print("greatest error", max(one["error_mm"] for one in rows), "mm")
+def study(options: argparse.Namespace) -> list[Row]:
+    """Return a row per method and kind."""
+    rows, visits, methods = [], options.visits, options.methods
+    with ProcessPoolExecutor(options.workers) as pool:
+        for kind in options.kinds:
+            found = {}
+            for x in (*methods, "nothing"):
+                found[x] = list(pool.map(visit, [(x, kind, k) for k in range(visits)]))
+            for method in methods:
+                row = summary(found[method], found["nothing"])
+                rows.append({"method": method, "kind": kind, **row})
+                touched = [k for k, x in enumerate(found[method]) if x["touched"]]
+                print(*rows[-1].values(), touched[:9], flush=True)
+    return rows
 
 
-def film(seed: int, path: str) -> None:
-    """Draw a scene as a film, at twice its speed."""
-    people = people_of(seed)
-    poses, _ = drive(people, True)
-    figure = Figure(figsize=(4.4, 3.6), dpi=80)
+def totals(rows: Sequence[Row], key: str) -> dict[str, Row]:
+    """Return the figures of all kinds by method, or of all methods by kind."""
+    found: dict[str, Row] = {}
+    for name in dict.fromkeys(row[key] for row in rows):
+        part = [row for row in rows if row[key] == name]
+        sums = {x: sum(float(row[x]) for row in part) for x in list(part[0])[2:]}
+        sums["distance_m"] /= len(part)
+        most = {x: max(float(row[x]) for row in part) for x in ("off_mm", "off_deg")}
+        found[name] = sums | most
+    return found
+
+
+def table(rows: Sequence[Row], key: str) -> list[str]:
+    """Return the lines of a table of Markdown, a line per method or kind."""
+    lines = []
+    for name, x in totals(rows, key).items():
+        ways = [x["driven_free_m"] / max(x["free"], 1.0)]
+        ways += [x["driven_clear_m"] / max(x["clear"], 1.0), x["away_s"] / x["visits"]]
+        cells = [f"{x['by_robot']:.0f} + {x['by_person']:.0f}", f"{x['bench']:.0f}"]
+        cells += [f"{x['distance_m']:.2f}", *(f"{way:.2f}" for way in ways)]
+        cells += [f"{x['off']:.0f}", f"{x['off_mm']:.0f} mm, {x['off_deg']:.1f}°"]
+        lines.append(f"| {name} | {x['visits']:.0f} | {' | '.join(cells)} |")
+    return lines
+
+
+def film(visitors: Sequence[Visitor], path: Path, seed: int) -> None:
+    """Draw a scene of ours as a film, at twice its speed."""
+    poses, shown, _ = drive(visitors, "ours", seed)
+    figure = Figure(figsize=(4.8, 3.6), dpi=80)
     figure.subplots_adjust(0.02, 0.02, 0.98, 0.92)
-    axes = figure.add_subplot(xlim=(-2.75, 2.75), ylim=(-1.6, 2.6), aspect="equal")
+    axes = figure.add_subplot(xlim=(-3.2, 3.2), ylim=(-1.6, 2.8), aspect="equal")
     axes.set(xticks=[], yticks=[], title="Parked: it lets people pass, and returns")
-    axes.plot(BENCH[::2], BENCH[1::2], color="0.35", linewidth=5)
+    axes.fill(*np.reshape(box_walls(*BENCH), (4, 4))[:, :2].T, color="0.6")
     (robot,) = axes.fill(*ROBOT.footprint.vertices.T, color="tab:blue")
     axes.fill(*ROBOT.footprint.vertices.T, fill=False, linestyle=":", edgecolor="0.5")
-    walkers: list[Any] = [axes.add_patch(circle(one.at(0.0))) for one in people]
+    people: list[Any] = [axes.add_patch(Circle(x[:2], RADIUS)) for x, _ in shown[0]]
+    loads: list[Any] = [axes.add_patch(Polygon(x)) for _, y in shown[0] for x in y]
+    for patch in (*people, *loads):
+        patch.set_color("tab:orange" if patch in people else "tab:brown")
 
     def show(k: int) -> list[Any]:
         robot.set_xy(to_world(ROBOT.footprint.vertices, poses[k]))
-        for one, patch in zip(people, walkers, strict=True):
-            patch.set_center(one.at(k * SETTINGS.dt))
-        return [robot, *walkers]
+        for patch, (disc, _) in zip(people, shown[k], strict=True):
+            patch.set_center(disc[:2])
+        for load, shape in zip(loads, (x for _, y in shown[k] for x in y), strict=True):
+            load.set_xy(shape)
+        return [robot, *people, *loads]
 
-    last = round((people[-1].arrives + 6.0) / SETTINGS.dt)
-    frames = range(round((people[0].arrives - 4.0) / SETTINGS.dt), last, 4)
+    near = [any(abs(x[0]) < 3.6 and abs(x[1]) < 3.2 for x, _ in y) for y in shown]
+    busy = np.flatnonzero(near)
+    frames = range(busy[0], min(busy[-1] + 100, len(poses)), 4)
     FuncAnimation(figure, show, frames).save(path, PillowWriter(fps=10))
-
-
-def circle(place: Any) -> Any:
-    """Return a person as drawn."""
-    return Circle(place, RADIUS, color="tab:orange")
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--scenes", type=int, default=120)
+    parser.add_argument("--visits", type=int, default=30, help="of each kind")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--methods", nargs="*", default=METHODS)
+    parser.add_argument("--kinds", nargs="*", default=KINDS)
     parser.add_argument("--out", type=Path, default=OUT)
-    parser.add_argument("--film")
-    parser.add_argument("--seed", type=int, default=0, help="of the film")
+    parser.add_argument("--film", type=Path)
     options = parser.parse_args()
     if options.film:
-        film(options.seed, options.film)
+        film([Visitor(x, k, d) for x, k, d in FILM], options.film, 0)
     else:
-        study(options.scenes, options.out)
+        found = study(options)
+        write_csv(options.out, found)
+        print(*table(found, "method"), sep="\n")

@@ -1,12 +1,16 @@
 """Encounters: discs aimed at the robot, as scenarios; a robot parked among people."""
 
+import csv
+import math
+
 import numpy as np
 import pytest
 
 encounters = pytest.importorskip("encounters", reason="needs qpavoid[study]")
 
 import rows
-from places import COMPARISONS
+import station
+from places import COMPARISONS, ROOT
 from qpavoid.lab.scenario.scenario import make_scenario
 from qpavoid.lab.study.sweep.job import run_job
 from qpavoid.lab.study.sweep.study import read_study
@@ -71,3 +75,53 @@ def test_a_run_is_that_of_the_rows():
         row, _ = run_job(job)
         known = dict(kept[job.source.name, str(job.seed)])["ttc"]
         assert rows.cell_of(row) == known
+
+
+@pytest.mark.parametrize("kind", station.KINDS)
+def test_a_visitor_comes_by_and_leaves_and_keeps_off_the_bench(kind):
+    walls, step = station.box_walls(*station.BENCH), station.SETTINGS.dt
+    for seed in range(3):
+        visitor, gaps, seconds = station.Visitor(kind, seed), [], 0.0
+        while not visitor.gone:
+            bodies = station.seen([visitor])
+            gaps.append(station.clearance(station.STATION, bodies))
+            for wall in np.reshape(walls, (-1, 2, 2)):
+                ends = np.linspace(*wall, 20)
+                place = np.array(visitor.disc[:2])
+                assert np.linalg.norm(ends - place, axis=1).min() > station.RADIUS
+            speed = np.linalg.norm(visitor.people.velocities)
+            assert speed <= visitor.people.speeds.max() + 1e-9 <= 1.5 + 1e-9
+            visitor.step(station.STATION, (0.0, 0.0), step)
+            seconds += step
+        assert min(gaps) < 2.5 and gaps[0] > 3.0 and gaps[-1] > 3.0
+        assert seconds < station.LATE - station.RETURN
+        if kind == "beside":
+            near = step * sum(gap < min(gaps) + 0.15 for gap in gaps)
+            assert 0.2 < min(gaps) < 1.2 and near > 5.0
+        bodies = visitor.outlines
+        assert len(bodies) == (kind in station.BODIES)
+
+
+def test_a_parked_robot_lets_a_cart_pass_and_returns():
+    ours, still = (station.visit((x, "cart", 0)) for x in ("ours", "nothing"))
+    assert still["touched"] == "person" and not still["driven_m"]
+    assert not ours["touched"] and not ours["bench"]
+    assert ours["off_mm"] < 20.0 and ours["off_deg"] < 2.0
+    least = station.SETTINGS.radius.r_min()
+    found = station.summary([ours, ours], [still, {**ours, "distance_m": least}])
+    assert found["visits"] == 2 and found["free"] == 1 and found["clear"] == 0
+    assert found["driven_free_m"] == round(ours["driven_m"], 2)
+
+
+def test_the_page_has_the_rows_of_the_station():
+    with (COMPARISONS / "results/station.csv").open() as file:
+        found = list(csv.DictReader(file))
+    text = (ROOT / "docs/station.md").read_text()
+    ours = [row for row in found if row["method"] == "ours"]
+    for line in station.table(found, "method") + station.table(ours, "kind"):
+        assert line in text
+    total = station.totals(found, "method")["ours"]
+    assert {row["kind"] for row in found} == set(station.KINDS)
+    touched = total["by_robot"] + total["by_person"]
+    assert touched <= 0.02 * total["visits"] and not total["bench"] + total["off"]
+    assert math.isclose(total["visits"], 270)
