@@ -3,7 +3,7 @@
 The steps go from numpy points to the twist: our one-step and look-ahead filters, the
 one-step filter with other back ends, the exported C, and the same rows written with
 numpy and a solver. Also: a million calls of the one-step filter, the slowest call and
-the growth of memory.
+the growth of memory; the look-ahead among ten discs that it has not seen before.
 
     python comparisons/timing/steps.py --out out/steps
 """
@@ -177,36 +177,32 @@ def time_exported(sizes: Sequence[int], plan: Plan) -> list[Row]:
     return table
 
 
-def row_evaluations(rows: int) -> int:
-    """Return the most row evaluations of one solve; see :mod:`qpavoid.qp.exact`."""
-    return (rows + 4) ** 2 + (rows + 4) * (rows + 3) // 2
+def discs_of(rng: np.random.Generator) -> tuple[float, float, qp.Obstacles]:
+    """Return a desired twist among ten discs, 1 to 5 m away, of 0.5 m/s an axis (σ)."""
+    course, away = rng.uniform(-math.pi, math.pi, 10), rng.uniform(1.0, 5.0, 10)
+    radius, velocities = rng.uniform(0.15, 0.4, 10), rng.normal(0.0, 0.5, (10, 2))
+    discs = np.column_stack([away * np.cos(course), away * np.sin(course), radius])
+    seen = qp.Obstacles(discs=discs, disc_velocities=velocities)
+    return rng.uniform(0.0, 1.0), rng.uniform(-0.5, 0.5), seen
 
 
-def endure(points: int, calls: int, scans: int = 100) -> Row:
-    """Call the one-step filter very often; return times and the growth of memory, MB.
-
-    ``rows`` is the greatest number, ``row_evaluations`` the bound for it, ``switches``
-    how often the system took the processor away.
-    """
-    safety = one_step()
-    recorded = record_scans(points, scans)
-    rows = max(len(safety.problem(*scan).b) for scan in recorded)
-    times = np.zeros(calls, dtype=np.int64)
+def endure(safety: qp.SafetyFilter, cases: Sequence[tuple], calls: int) -> Row:
+    """Return times of calls at 0.3 m/s, growth of memory, switches of the process."""
+    times, usage = np.zeros(calls, dtype=np.int64), resource.getrusage
     with trials.undisturbed():
-        for scan in recorded * 2:
-            safety.filter(*scan)
-        before = resource.getrusage(resource.RUSAGE_SELF)
+        for case in cases[:200]:
+            safety.filter(*case)
+        before = usage(resource.RUSAGE_SELF)
         for i in range(calls):
-            v, omega, seen = recorded[i % scans]
+            v, omega, seen = cases[i % len(cases)]
+            safety.reset(0.3)
             started = perf_counter_ns()
             safety.filter(v, omega, seen)
             times[i] = perf_counter_ns() - started
-        after = resource.getrusage(resource.RUSAGE_SELF)
-    unit = 2**20 if sys.platform == "darwin" else 2**10
-    row: Row = {"points": points, "rows": rows, "calls": calls}
-    row |= {"row_evaluations": row_evaluations(rows)} | trials.quantiles(1e-3 * times)
-    row["switches"] = after.ru_nivcsw - before.ru_nivcsw
-    return row | {"growth_mb": (after.ru_maxrss - before.ru_maxrss) / unit}
+        after = usage(resource.RUSAGE_SELF)
+    grown, switches = after.ru_maxrss / before.ru_maxrss, after.ru_nivcsw
+    row: Row = {"growth": grown - 1.0, "switches": switches - before.ru_nivcsw}
+    return {"calls": calls} | trials.quantiles(1e-3 * times) | row
 
 
 def main() -> None:
@@ -216,10 +212,13 @@ def main() -> None:
     options = parser.parse_args()
     plan = QUICK if options.quick else FULL
     steps = time_steps(POINTS, STEPS, plan) + time_exported(POINTS, plan)
-    long_run = endure(100, 10_000 if options.quick else 1_000_000)
-    write_tables(options.out, {"steps": steps, "endurance": [long_run]}, plan)
-    print(pivot(steps, "step", "points", "numpy + daqp"))
-    print(long_run)
+    calls, rng = 10_000 if options.quick else 1_000_000, np.random.default_rng(1)
+    discs = [discs_of(rng) for _ in range(calls // 100)]
+    long_run = endure(one_step(), record_scans(100, 100), calls)
+    fresh = endure(qp.SafetyFilter(qp.Robot.mir100()), discs, len(discs))
+    tables = {"steps": steps, "endurance": [long_run], "fresh discs": [fresh]}
+    write_tables(options.out, tables, plan)
+    print(pivot(steps, "step", "points", "numpy + daqp"), long_run, fresh, sep="\n")
 
 
 if __name__ == "__main__":
