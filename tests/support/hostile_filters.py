@@ -21,7 +21,7 @@ from qpavoid.model.robot import braking_twist
 from reliability.calls import CAREFUL, LATE
 from shapes import FORKS
 from timing.exported import ANSWER, COUNTED, problem_type
-from timing.loops import drive
+from timing.recorded import drive
 
 LIMITED = replace(
     Robot.jackal(),
