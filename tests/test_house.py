@@ -36,7 +36,7 @@ CEILINGS = {
     "robot": 21_989,
     "cli": 1_178,
     "lab": 13_540,
-    "comparisons": 6_980,
+    "comparisons": 6_979,
     "tests": 26_177,
 }
 """Lines of Python; ``cli`` holds all of the package but robot and lab. These numbers

@@ -10,7 +10,6 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import partial
 from time import perf_counter_ns
 from typing import Any, NamedTuple, TypeAlias
 
@@ -102,18 +101,18 @@ class Trials:
 
 
 def of_back_end(back_end: BackEnd) -> Contender:
-    """Return a back end as a contender for scaled problems."""
-    return Contender(back_end, partial(_claimed, back_end))
+    """Return a back end as a contender for scaled problems.
 
-
-def _claimed(back_end: BackEnd, answer: Array) -> Array:
-    """Return the answer, or NaN where CasADi reports a failure.
-
-    Our CasADi back ends return the answer in any case, since it is certified later.
+    Our CasADi back ends return an answer in any case, since it is certified later; here
+    it is none where CasADi reports a failure.
     """
-    program = getattr(back_end, "last", None)
-    failed = program is not None and not program.buffer.stats()["success"]
-    return np.full_like(answer, math.nan) if failed else answer
+
+    def read(answer: Array) -> Array:
+        program = getattr(back_end, "last", None)
+        failed = program is not None and not program.buffer.stats()["success"]
+        return np.full_like(answer, math.nan) if failed else answer
+
+    return Contender(back_end, read)
 
 
 @contextmanager
