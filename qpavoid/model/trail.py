@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qpavoid.model.kinematics import wrap_angle
+from qpavoid.model.kinematics import arc, wrap_angle
 from qpavoid.types import Array, Pose, Twist
 
 MOST_POSES = 512
@@ -83,8 +83,16 @@ class Trail:
 
     def at(self, time: float) -> Pose:
         """Return the pose at a time; see :meth:`along`."""
-        x, y, heading = self.along(np.array([time]))[0].tolist()
-        return x, y, heading
+        times, poses = self._times, self._poses
+        i = bisect_right(times, time)
+        if i == 0:
+            return poses[0] if times else (0.0, 0.0, 0.0)
+        then, (x, y, heading) = times[i - 1], poses[i - 1]
+        if i == len(times):
+            return arc(x, y, heading, *self.twist, time - then)
+        share, (to_x, to_y, to_heading) = (time - then) / (times[i] - then), poses[i]
+        turn = wrap_angle(to_heading - heading)
+        return x + share * (to_x - x), y + share * (to_y - y), heading + share * turn
 
     def along(self, times: Array) -> Array:
         """Return the poses (n, 3) at times (n,), s.
@@ -95,7 +103,8 @@ class Trail:
         if not self._times or not len(times):
             return np.zeros((len(times), 3))
         i = max(bisect_right(self._times, float(times.min())) - 1, 0)
-        known, poses = np.array(self._times[i:]), np.array(self._poses[i:])
+        j = bisect_left(self._times, float(times.max())) + 1
+        known, poses = np.array(self._times[i:j]), np.array(self._poses[i:j])
         poses[:, 2] = np.unwrap(poses[:, 2])
         made = np.column_stack([np.interp(times, known, column) for column in poses.T])
         after = np.maximum(times - known[-1], 0.0)

@@ -228,6 +228,12 @@ class Perception:
             InvalidInputError: Not such numbers, another number of ranges than before,
                 no LiDAR of that name, or time runs backwards. Nothing is changed.
         """
+        self.enter(ranges, stamp, odometry, points, sensor, twist)
+        return self.obstacles(stamp, odometry)
+
+    def enter(self, ranges: Any, stamp: Any, odometry: Any, *how: Any) -> None:
+        """Take a scan as :meth:`update` does; ``how``: points, sensor and twist."""
+        points, sensor, twist = how
         time, pose = as_number(stamp, "stamp"), as_pose(odometry, "odometry")
         want(max(map(abs, pose[:2])) < NEAREST, f"odometry is beyond {NEAREST:g} m")
         want(abs(time) < LATEST_STAMP, "a stamp is a number of seconds")
@@ -238,7 +244,7 @@ class Perception:
         want(len(seen) == known, f"{len(seen)} ranges, but {known} before")
         velocity = self._twist(time, pose, twist)
         if time == self._stamps.get(sensor):
-            return self.obstacles(time, pose)
+            return
         middle = time - lidar.delay + 0.5 * abs(lidar.sweep)
         middle = self._in_order(middle, sensor)
         if self._has_jumped(time, pose):
@@ -251,7 +257,6 @@ class Perception:
         unknown = np.isnan(seen) | (np.isinf(seen) & (lidar.no_echo == "unknown"))
         if not unknown.all():
             self.last_valid = time
-        return self.obstacles(time, pose)
 
     def _lidar(self, sensor: str) -> Lidar:
         try:

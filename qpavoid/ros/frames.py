@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.transform import Transform
@@ -24,9 +25,6 @@ MEMORY, STAMPS = 10.0, 2000
 BEYOND = 0.2
 """s; extrapolation limit of a moving frame, before and after its stamps."""
 
-SAME_TURN = 1.0 - 1e-9
-"""Cosine of half the angle below which two rotations are not interpolated."""
-
 
 class Link(NamedTuple):
     """Transform of a frame to its parent, over time.
@@ -34,12 +32,12 @@ class Link(NamedTuple):
     Attributes:
         parent: Its name.
         times: s, rising; of a fixed one −∞.
-        places: Of each x, y, z in m, and a unit quaternion x, y, z, w.
+        places: Transform at each.
     """
 
     parent: str
     times: list[float]
-    places: list[Array]
+    places: list[Transform]
 
 
 class Frames:
@@ -74,7 +72,7 @@ class Frames:
             self._refused.pop(name, None)
             self._record(name, parent, time, place)
 
-    def _record(self, name: str, parent: str, time: float, place: Array) -> None:
+    def _record(self, name: str, parent: str, time: float, place: Transform) -> None:
         link = self._links.get(name)
         news = link is None or link.parent != parent or time < link.times[-1] - MEMORY
         if news or time == -math.inf or link is None or link.times[0] == -math.inf:
@@ -139,13 +137,12 @@ class Frames:
         """Return the transform of the first frame to the parent of the last."""
         made = Transform(np.eye(3), np.zeros(3))
         for name in names:
-            place = self._at(name, time).tolist()
-            link = Transform.of_quaternion(place[:3], place[3:])
+            link = self._at(name, time)
             moved = link.rotation @ made.translation + link.translation
             made = Transform(link.rotation @ made.rotation, moved)
         return made
 
-    def _at(self, name: str, time: float) -> Array:
+    def _at(self, name: str, time: float) -> Transform:
         """Return the transform of a frame to its parent."""
         _, times, places = self._links[name]
         if times[0] == -math.inf or time == math.inf:
@@ -155,22 +152,10 @@ class Frames:
         i = bisect_right(times, time)
         if i in (0, len(times)):
             return places[min(i, len(times) - 1)]
+        (turn, lever), (turned, moved) = places[i - 1 : i + 1]
         share = (time - times[i - 1]) / (times[i] - times[i - 1])
-        return between(places[i - 1], places[i], share)
-
-
-def between(before: Array, after: Array, share: float) -> Array:
-    """Return the transform (7,) between two: linear, and slerp."""
-    made = before + share * (after - before)
-    cos = float(before[3:] @ after[3:])
-    other = math.copysign(1.0, cos) * after[3:]
-    half = math.acos(min(abs(cos), 1.0))
-    if abs(cos) < SAME_TURN:
-        parts = math.sin((1.0 - share) * half), math.sin(share * half)
-        made[3:] = (parts[0] * before[3:] + parts[1] * other) / math.sin(half)
-    else:
-        made[3:] = before[3:]
-    return made
+        between = Slerp((0.0, 1.0), Rotation.from_matrix([turn, turned]))(share)
+        return Transform(between.as_matrix(), lever + share * (moved - lever))
 
 
 def _name(frame: str) -> str:
@@ -178,13 +163,7 @@ def _name(frame: str) -> str:
     return str(frame).removeprefix("/")
 
 
-def _place(transform: Any) -> Array:
+def _place(transform: Any) -> Transform:
     place, turn = transform.translation, transform.rotation
-    numbers = [float(getattr(place, name)) for name in "xyz"]
-    numbers += [float(getattr(turn, name)) for name in "xyzw"]
-    made = np.array(numbers)
-    length = float(np.linalg.norm(made[3:]))
-    known = bool(np.isfinite(made).all()) and length > 0.0
-    want(known, "tf needs finite numbers, and quaternions that are not 0")
-    made[3:] /= length
-    return made
+    centre = [float(getattr(place, name)) for name in "xyz"]
+    return Transform.of_quaternion(centre, [float(getattr(turn, k)) for k in "xyzw"])

@@ -28,8 +28,8 @@ from qpavoid.model.trail import Trail, relative
 from qpavoid.ros import messages, modes
 from qpavoid.ros.messages import UNREADABLE
 from qpavoid.ros.odometry import Odometry
+from qpavoid.ros.parameters import TF, GuardSetup, Wiring
 from qpavoid.ros.sensing import ORIGIN, Sensing
-from qpavoid.ros.wiring import TF, GuardSetup, Wiring
 from qpavoid.settings import want
 from qpavoid.types import Array, Pose, Twist
 
@@ -193,7 +193,8 @@ class Guard:
         """
         try:
             if topic == TF:
-                pose, twist = self._place_of(self.wiring.base_frame, stamp), STANDSTILL
+                named = self.wiring.base_frame, self.wiring.odom_frame
+                pose, twist = self.sensing.frames.pose_of(*named, stamp), STANDSTILL
             else:
                 pose, twist = messages.read_odometry(message)
         except UNREADABLE as error:
@@ -219,10 +220,6 @@ class Guard:
         for link in message.transforms:
             if self.wiring.odometry == TF and link.child_frame_id == mover:
                 self.see(TF, link, now, steady)
-
-    def _place_of(self, frame: str, time: float) -> Pose:
-        """Return the pose of a frame in the odometry frame."""
-        return self.sensing.frames.pose_of(frame, self.wiring.odom_frame, time)
 
     def outline(self, message: Any) -> None:
         """Take a footprint; on an error the known one is kept."""
@@ -347,7 +344,8 @@ class Guard:
         if drive.mode != "dock":
             return asked
         try:
-            dock = relative(self._place_of(self.wiring.dock_frame, modes.LATEST), pose)
+            named = self.wiring.dock_frame, self.wiring.odom_frame
+            dock = relative(self.sensing.frames.pose_of(*named, modes.LATEST), pose)
         except InvalidInputError as error:
             return asked._replace(note=f"nothing is exempt: {error}")
         region = self.wiring.dock

@@ -39,13 +39,15 @@ SPACING = 0.1
 """m; grid of the points that bound an unknown sector, one per cell."""
 
 
-def within(footprint: Footprint, points: Array, margin: float) -> Flags:
-    """Return which points (N, 2), m, lie in a footprint offset by a margin, m."""
+def outside(footprint: Footprint, points: Array) -> Array:
+    """Return how far points (n, 2) lie outside of a footprint's edges (n,), m.
+
+    At most their distance; negative inside.
+    """
     edges = footprint.edges
-    reach = (edges[:, :2] * edges[:, 2:4]).sum(axis=1) + margin
-    beyond = points @ edges[:, 2:4].T > reach
-    apart = np.logical_or.reduceat(beyond, footprint.starts, axis=1)
-    return np.asarray(~apart.all(axis=1))
+    reach = (edges[:, :2] * edges[:, 2:4]).sum(axis=1)
+    beyond = edges[:, 2:4] @ points.T - reach[:, None]
+    return np.asarray(np.maximum.reduceat(beyond, footprint.starts, axis=0).min(axis=0))
 
 
 class OwnPlaces:
@@ -134,6 +136,5 @@ def hidden(points: Array, fan: Fan, beams: Flags, place: Transform) -> Flags:
 
 def _rays(fan: Fan, place: Transform) -> tuple[Array, Array]:
     """Return the origin (2,) and the directions (n, 2) of all beams, robot frame."""
-    angles = fan.first + fan.step * np.arange(len(fan.unknown))
-    ways = np.column_stack([np.cos(angles), np.sin(angles)]) @ place.rotation[:2, :2].T
+    ways = fan.directions @ place.rotation[:2, :2].T
     return place.translation[:2], ways / np.hypot(*ways.T)[:, None]

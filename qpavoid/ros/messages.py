@@ -13,6 +13,7 @@ over ground, in the axes of its frame), one point per disc.
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -78,9 +79,23 @@ class Fan(NamedTuple):
     far: float = math.inf
 
     @property
+    def directions(self) -> Array:
+        """(n, 2) Unit vectors of the beams, in the frame of the scan."""
+        return directions(self.first, self.step, len(self.ranges))
+
+    @property
     def unknown(self) -> npt.NDArray[np.bool_]:
         """(n,) Whether a beam is neither an echo nor free."""
         return np.isnan(self.ranges)
+
+
+@lru_cache(maxsize=16)
+def directions(first: float, step: float, count: int) -> Array:
+    """Return the unit vectors (n, 2) of beams from an angle on, rad; not writable."""
+    angles = first + step * np.arange(count)
+    made = np.column_stack([np.cos(angles), np.sin(angles)])
+    made.flags.writeable = False
+    return made
 
 
 class Sight(NamedTuple):
@@ -146,11 +161,12 @@ def read_scan(message: Any) -> Sight:
     known[ranges > far * (1.0 + RANGE_ROUNDING)] = np.inf
     known[ranges == np.inf], known[ranges == -np.inf] = np.inf, near
     beams = np.flatnonzero(np.isfinite(known))
-    angles, distances = fan.first + fan.step * beams, known[beams]
-    points = np.zeros((len(distances), 3))
-    points[:, 0], points[:, 1] = distances * np.cos(angles), distances * np.sin(angles)
+    distances, many = known[beams], len(beams)
+    points = np.zeros((many, 3))
+    points[:, :2] = distances[:, None] * fan.directions[beams]
     valid = 1.0 - float(fan.unknown.mean()) if len(ranges) else 0.0
-    same = np.count_nonzero(distances == np.median(distances)) if len(distances) else 0
+    middle = np.partition(distances, many // 2)[many // 2] if many else math.nan
+    same = np.count_nonzero(distances == middle)
     stuck = len(ranges) > 2 and same >= STUCK_SHARE * len(ranges)
     after = beams * np.float64(fan.span / max(len(ranges) - 1, 1))
     fan = fan._replace(far=far)
@@ -236,12 +252,9 @@ def read_odometry(message: Any) -> tuple[Pose, Twist]:
     """Return pose and twist of a ``nav_msgs/Odometry``.
 
     Raises:
-        InvalidInputError: As :func:`read_pose`.
+        InvalidInputError: As :func:`read_pose` and :func:`read_twist`.
     """
-    pose, moves = read_pose(message.pose.pose), message.twist.twist
-    twist = float(moves.linear.x), float(moves.angular.z)
-    want(all(map(math.isfinite, twist)), "odometry needs finite numbers")
-    return pose, twist
+    return read_pose(message.pose.pose), read_twist(message.twist)
 
 
 def read_pose(place: Any) -> Pose:

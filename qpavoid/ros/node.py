@@ -2,19 +2,15 @@
 
 Role ``filter``: ``cmd_vel_in`` → ``cmd_vel_out``. Role ``guide``: ``goal_pose``,
 ``path``, ``stay``, and with nav2_msgs the action ``follow_path`` → ``cmd_vel_out`` and
-``blocked``. Sensors are named by :class:`qpavoid.ros.wiring.Wiring`; an Empty on
-``~/acknowledge`` opens the latch. Outputs: ``~/feedback``, ``~/bounds`` (points that
-bound the twist), ``~/markers``, ``~/local_map``, ``~/latency`` (s, from the arrival of
-a scan to the twist), ``/diagnostics``.
+``blocked``. Sensors are named by :class:`qpavoid.ros.parameters.Wiring`; an Empty on
+``~/acknowledge`` opens the latch. Further outputs are in :data:`OUTPUTS`.
 
 A twist is published when a scan arrives and ``dt_s`` has passed since the last one, and
 without a scan after ``dt_s`` (1 + ``actuation.jitter``): without commands the robot
 evades, too. While the node is not active it publishes none.
-
-rclpy comes with ROS (``Dockerfile`` beside the configurations), from RoboStack's conda
-channel without apt, or from PyPI on x86-64 (``ros-jazzy-rclpy``).
 """
 
+import gc
 import math
 import signal
 import sys
@@ -49,12 +45,11 @@ from visualization_msgs.msg import Marker, MarkerArray
 from qpavoid.avoidance.decision import Status
 from qpavoid.errors import QPAvoidError
 from qpavoid.model.trail import relative
-from qpavoid.ros.follow_path import FollowPathServer
 from qpavoid.ros.guard import Guard, GuardStep
 from qpavoid.ros.messages import NANOSECOND
-from qpavoid.ros.parameters import SHAPE, Running, defaults, preset, setup_of
+from qpavoid.ros.nav2 import Bond, FollowPathServer
+from qpavoid.ros.parameters import TF, Wiring, defaults, preset, setup_of
 from qpavoid.ros.report import Drawing, bounds, diagnose, markers, warm
-from qpavoid.ros.wiring import TF, Wiring
 from qpavoid.types import Pair
 
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -97,16 +92,16 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
 
     def __init__(self) -> None:
         super().__init__("qpavoid")
-        named = Running()._asdict().items(), Wiring()._asdict().items()
-        run, wired = ({k: self._own(k, x, True) for k, x in own} for own in named)
-        self._run, self._wiring = Running(**run), Wiring(**wired)
-        self._robot = preset(self._run.robot_preset, self._run.footprint_text)
+        fixed = Wiring()._asdict().items()
+        self._wiring = Wiring(**{k: self._own(k, x, True) for k, x in fixed})
+        self._robot = preset(self._wiring.robot_preset)
         self._values = {k: self._own(k, x) for k, x in defaults(self._robot).items()}
         self.add_on_set_parameters_callback(self._on_parameters)
         self._guard: Guard | None = None
         self._heard: list[Any] = []
         self._said: dict[str, Any] = {}
         self._action: FollowPathServer | None = None
+        self._bond: Bond | None = None
         self._timer: Any = None
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._latency: deque[float] = deque(maxlen=1000)
@@ -119,15 +114,10 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         told = ParameterDescriptor(read_only=fixed)
         if not isinstance(default, tuple):
             return self.declare_parameter(name, default, told).value
-        numbers = name in ("frame_poses", "mask_boxes_m", "dock_m", SHAPE)
+        numbers = name in ("frame_poses", "mask_boxes_m", "dock_m")
         kind = Parameter.Type.DOUBLE_ARRAY if numbers else Parameter.Type.STRING_ARRAY
         given = self.declare_parameter(name, kind, told).value
         return default if given is None else tuple(filter(lambda x: x != "", given))
-
-    @property
-    def autostart(self) -> bool:
-        """Whether to configure and activate at once."""
-        return self._run.autostart
 
     @property
     def is_active(self) -> bool:
@@ -144,7 +134,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         news = {one.name: one.value for one in changed if one.name in self._values}
         values = self._values | news
         try:
-            setup = setup_of(values, self._robot, self._run.dt_s)
+            setup = setup_of(values, self._robot, self._wiring.dt_s)
             if self._guard is not None:
                 self._guard.change(setup)
         except (QPAvoidError, TypeError, ValueError) as error:
@@ -155,10 +145,10 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Create the filter, publishers and subscriptions, and compile."""
         try:
-            setup = setup_of(self._values, self._robot, self._run.dt_s)
+            setup = setup_of(self._values, self._robot, self._wiring.dt_s)
             warm(Guard(setup, self._wiring))
             guard = Guard(setup, self._wiring)
-            if self._run.tf or self._wiring.odometry == TF:
+            if self._wiring.tf or self._wiring.odometry == TF:
                 self._hear_frames(guard)
         except (QPAvoidError, ImportError) as error:
             self.get_logger().error(str(error))
@@ -166,7 +156,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         self._guard, wiring = guard, self._wiring
         if "perception" in guard.errors:
             self.get_logger().warning(guard.errors["perception"])
-        twist = TwistStamped if self._run.stamped else Twist
+        twist = TwistStamped if self._wiring.stamped else Twist
         for name, kind in wiring.topics.items():
             if name != TF:
                 self._hear(KINDS[kind], name, partial(self._on_input, name), NEWEST)
@@ -178,7 +168,10 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             said["blocked"] = Bool
             for name, task in TASKS.items():
                 self._hear(task, name, partial(self._on_task, name))
-            self._action = FollowPathServer.of(self, guard)
+            try:
+                self._action = FollowPathServer(self, guard)
+            except ImportError as error:
+                self.get_logger().info(f"no action follow_path: {error}")
         else:
             take = lambda m: guard.command(m, *self._now())  # noqa: E731
             self._hear(twist, "cmd_vel_in", take)
@@ -195,6 +188,8 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             refused = guard.tasks.take(kind, message)
         if refused:
             self.get_logger().warning(f"{kind} is refused: {refused}")
+        elif self._action is not None:
+            self._action.end(f"replaced by {kind}")
 
     def _hear_frames(self, guard: Guard) -> None:
         """Subscribe to tf, whose messages come with ROS."""
@@ -207,7 +202,15 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish twists from now on; the robot stands until all inputs are valid."""
-        jitter, dt = self._values["actuation.jitter"], self._run.dt_s
+        jitter, dt = self._values["actuation.jitter"], self._wiring.dt_s
+        if self._wiring.bond_heartbeat_period > 0.0:
+            try:
+                self._bond = Bond(self, self._wiring.bond_heartbeat_period)
+            except ImportError as error:
+                self.get_logger().error(f"bond_heartbeat_period: {error}")
+                return TransitionCallbackReturn.FAILURE
+        gc.collect()
+        gc.freeze()  # a full collection of all that exists now takes 30 ms
         self._timer = self.create_timer(
             dt * (1.0 + jitter), self._step, None, self._steady
         )
@@ -243,6 +246,9 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             self._give(0.0, 0.0)
             if self._guard is not None:
                 self._guard.stop()
+        if self._bond is not None:
+            self._bond.destroy()
+            self._bond = None
 
     def run(self) -> None:
         """Process messages until an exception is raised in a callback."""
@@ -267,8 +273,8 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         guard, (now, steady) = self._guard, self._now()
         if guard is None:
             return
-        self._due = steady + self._run.dt_s
-        measured = self._run.driven_from_odometry or guard.wiring.role == "guide"
+        self._due = steady + self._wiring.dt_s
+        measured = self._wiring.driven_from_odometry or guard.wiring.role == "guide"
         driven = guard.odometry.trail.twist if measured else None
         try:
             step = guard.step(now, steady, driven)
@@ -310,7 +316,8 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             self._said["~/feedback"].publish(status)
         if "~/bounds" in heard:
             found = self._on_base(PoseArray())
-            for x, y in bounds(guard.setup.robot.footprint, step).end.tolist():
+            held, _ = bounds(guard.setup.robot.footprint, step)
+            for x, y in held[1::2].tolist():
                 found.poses.append(Pose())
                 found.poses[-1].position = Point(x=x, y=y)
             self._said["~/bounds"].publish(found)
@@ -337,7 +344,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
 
     def _give(self, v: float, omega: float) -> None:
         """Publish a twist."""
-        stamped = self._run.stamped
+        stamped = self._wiring.stamped
         message = self._on_base(TwistStamped()) if stamped else Twist()
         twist = message.twist if stamped else message
         twist.linear.x, twist.angular.z = v, omega
@@ -345,12 +352,12 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
 
     def _status(self, guard: Guard, step: GuardStep, steady: float) -> Any:
         """Return a step as a status of diagnostics."""
-        rate = self._steps / max(steady - self._told, self._run.dt_s)
-        found = diagnose(guard, step, self._latency, rate)
-        status = DiagnosticStatus(level=bytes([found.level]), message=found.message)
+        rate = self._steps / max(steady - self._told, self._wiring.dt_s)
+        level, values = diagnose(guard, step, self._latency, rate)
+        status = DiagnosticStatus(level=bytes([level]), message=step.sentence)
         status.name = self.get_fully_qualified_name()
         status.hardware_id = self._robot.name
-        status.values = [KeyValue(key=k, value=x) for k, x in found.values.items()]
+        status.values = [KeyValue(key=k, value=x) for k, x in values.items()]
         return status
 
     def _as_markers(self, drawn: list[Drawing]) -> MarkerArray:
@@ -379,7 +386,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGTERM, interrupted)
     node = SafetyNode()
     try:
-        if node.autostart and node.trigger_configure() is SUCCESS:
+        if node._wiring.autostart and node.trigger_configure() is SUCCESS:
             node.trigger_activate()
         while True:
             node.run()

@@ -99,12 +99,8 @@ class Perceiver:
         v, omega = trail.twist_to(seen.stamp, pose).tolist()
         points = None if values is not None else seen.points - lidar.mount[:2]
         try:
-            self.perception.update(
-                *(values, seen.stamp, pose),
-                points=points,
-                sensor=topic,
-                twist=(v, omega),
-            )
+            given = values, seen.stamp, pose, points, topic, (v, omega)
+            self.perception.enter(*given)
         except InvalidInputError as error:
             return f"its echoes count as at rest: {error}"
         self.taken.add(topic)
@@ -145,8 +141,7 @@ def planar(fan: Fan, place: Transform, model: NodePerception) -> tuple[Lidar, Ar
     """
     count, rotation, turn = len(fan.ranges), place.rotation, turn_of(fan)
     many = min(count, turn)
-    angles = fan.first + fan.step * np.arange(many)
-    ways = np.column_stack([np.cos(angles), np.sin(angles)]) @ rotation[:2, :2].T
+    ways = fan.directions[:many] @ rotation[:2, :2].T
     ranges = fan.ranges[:many] * np.hypot(*ways.T)
     if count > many:
         ranges[0] = np.fmin(ranges[0], fan.ranges[-1])

@@ -35,20 +35,6 @@ FORESEEN = 1.0
 """s; a velocity is drawn as the way in that time, its σ as a circle about the end."""
 
 
-class Diagnosis(NamedTuple):
-    """A status of diagnostics.
-
-    Attributes:
-        level: :data:`OK`, :data:`WARN` or :data:`ERROR`.
-        message: A sentence.
-        values: Measurements, by key.
-    """
-
-    level: int
-    message: str
-    values: dict[str, str]
-
-
 class Drawing(NamedTuple):
     """A line drawing in the robot frame.
 
@@ -67,8 +53,8 @@ class Drawing(NamedTuple):
 
 def diagnose(
     guard: Guard, step: GuardStep, latency: Sequence[float], rate: float
-) -> Diagnosis:
-    """Return the diagnostics of a step.
+) -> tuple[int, dict[str, str]]:
+    """Return the level of a step, and its diagnostics by key.
 
     Args:
         guard: Guard of the step.
@@ -87,7 +73,7 @@ def diagnose(
     else:
         warns = decision.status in HINDERED or bool(step.notes)
         level, values["status"] = int(warns), decision.status
-        held = bounds(guard.setup.robot.footprint, step).said
+        held = bounds(guard.setup.robot.footprint, step)[1]
         limited = (step.v, step.omega) != step.desired and guard.guide is None
         values["bound by"] = "; ".join(held) or "limits of the robot" * limited
         numbers |= {"clearance_m": decision.clearance, "slack_mps": decision.slack}
@@ -106,15 +92,14 @@ def diagnose(
         state = step.faults.get(name, "fresh")
         values[name] = f"{state}, {age:.3g} s old; refused: {said}"
     values |= {f"{name} error": error for name, error in guard.errors.items()}
-    return Diagnosis(level, step.sentence, values)
+    return level, values
 
 
 def markers(guard: Guard, step: GuardStep) -> list[Drawing]:
     """Return footprint, zones, active contacts, plan and discs of a step."""
     robot, settings = guard.setup.robot, guard.setup.settings
-    brakes, held = step.decision is None, bounds(robot.footprint, step)
+    brakes, (held, _) = step.decision is None, bounds(robot.footprint, step)
     plan = BRAKE if brakes else guard.safety.plan
-    lines = np.stack([held.start, held.end], axis=1).reshape(-1, 2)
     footprint, radius = robot.footprint, settings.radius
     slow, fast = (
         sides([offset_outline(x, r, 5) for x in footprint.parts])
@@ -127,7 +112,9 @@ def markers(guard: Guard, step: GuardStep) -> list[Drawing]:
         Drawing("footprint", sides(footprint.outlines), body, pairs=True),
         Drawing("zone of slow obstacles", slow, (0.9, 0.6, 0.0, 0.8), pairs=True),
         Drawing("zone of fast obstacles", fast, (0.9, 0.6, 0.0, 0.4), pairs=True),
-        Drawing("active contacts", lines, (0.9, 0.0, 0.0, 1.0), pairs=True),
+        Drawing(
+            "active contacts", held.reshape(-1, 2), (0.9, 0.0, 0.0, 1.0), pairs=True
+        ),
         Drawing("plan", way, (0.0, 0.6, 0.3, 1.0)),
         *movers(step, guard.sensing.perceiver.explain()),
     ]
@@ -161,19 +148,11 @@ def sides(polygons: Sequence[Array]) -> Array:
     return np.concatenate(ends).reshape(-1, 2)
 
 
-class Bounds(NamedTuple):
-    """Contacts whose constraints bound a twist: ends (n, 2) on robot and obstacle, m.
+def bounds(footprint: Footprint, step: GuardStep) -> tuple[Array, list[str]]:
+    """Return the contacts whose constraints bound a step, and a sentence of each.
 
-    ``said``: a description of each.
+    Contacts are rows of (2 n, 2) in m: ends on robot and obstacle.
     """
-
-    start: Array
-    end: Array
-    said: list[str]
-
-
-def bounds(footprint: Footprint, step: GuardStep) -> Bounds:
-    """Return the contacts of a step with active constraints."""
     active, seen = step.decision.active if step.decision else (), step.obstacles
     contacts = Contacts.of(footprint, seen)
     rows = np.flatnonzero(np.isin(contacts.obstacle, active))
@@ -183,7 +162,7 @@ def bounds(footprint: Footprint, step: GuardStep) -> Bounds:
     for number, gap, (x, y) in zip(contacts.obstacle[rows], gaps, end, strict=True):
         kind = "moving" if speeds[number] > 0.0 else "static"
         said.append(f"{kind} obstacle at {x:.2f}, {y:.2f} m, {gap:.3f} m away")
-    return Bounds(start, end, said)
+    return np.stack([start, end], axis=1).reshape(-1, 2), said
 
 
 def warm(guard: Guard) -> None:

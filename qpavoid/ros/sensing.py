@@ -16,8 +16,8 @@ from qpavoid.ros import mask
 from qpavoid.ros.frames import Frames
 from qpavoid.ros.messages import READERS, Fan, Poses, Sight, Tracks
 from qpavoid.ros.odometry import Odometry
+from qpavoid.ros.parameters import GuardSetup, Wiring
 from qpavoid.ros.perceiver import Perceiver
-from qpavoid.ros.wiring import GuardSetup, Wiring
 from qpavoid.types import Array, Pose
 
 ORIGIN: Pose = (0.0, 0.0, 0.0)
@@ -64,7 +64,7 @@ class Sensing:
         self.frames = Frames(note, self._sensors)
         self._own = {name: mask.OwnPlaces() for name in (*wiring.scans, *wiring.clouds)}
         self._ground, self._unknown = dict[str, Array](), dict[str, Array]()
-        self._scanned = dict[str, tuple[Array, Pose]]()
+        self._scanned = dict[str, tuple[bytes, Pose]]()
         self._tracked = NO_OBSTACLES
         self.stamps, self._driven = dict[str, float](), (0.0, 0.0)
         self._has_driven = False
@@ -131,11 +131,12 @@ class Sensing:
         for topic, ground in self._ground.items():
             echoes = to_world(ground, back)
             if topic in self.perceiver.taken:
-                echoes = echoes[mask.within(outline, echoes, AT_OUTLINE)]
+                echoes = echoes[mask.outside(outline, echoes) <= AT_OUTLINE]
             points.append(echoes)
         points += [to_world(ground, back) for ground in self._unknown.values()]
         seen = Obstacles.of(np.vstack(points), found.capsules)
-        return seen.joined(self._tracked.seen_from(here))
+        tracked = self._tracked
+        return seen.joined(tracked.seen_from(here)) if len(tracked) else seen
 
     def _begun(self, topic: str, seen: Sight, now: float) -> Sight:
         """Return a scan with the stamp of its first beam; its last has arrived."""
@@ -154,8 +155,9 @@ class Sensing:
         """
         place, outline, fan = self._place(seen), self._setup.robot.footprint, seen.fan
         flat, valid = self._flat(topic, place.apply(seen.points)), seen.valid
-        near = mask.within(outline, flat, self._wiring.mask_m)
-        inside, own = mask.within(outline, flat, 0.0), self._is_own(topic, flat, near)
+        off = mask.outside(outline, flat)
+        near, inside = off <= self._wiring.mask_m, off <= 0.0
+        own = self._is_own(topic, flat, near)
         if fan is not None:
             valid -= float((own | inside).sum()) / max(len(fan.unknown), 1)
         if seen.empty and topic in self._wiring.empty_is_free:
@@ -175,13 +177,16 @@ class Sensing:
             self._note(topic, "a point has entered the outline")
         if why:
             return why
-        after = seen.after[: len(own)][~own]
-        poses = self._odometry.trail.along(seen.stamp + after)
-        self._ground[topic] = placed(flat[~own], poses)
+        after, trail = seen.after[: len(own)][~own], self._odometry.trail
+        if after.any():
+            ground = placed(flat[~own], trail.along(seen.stamp + after))
+        else:
+            ground = to_world(flat[~own], trail.at(seen.stamp))
+        self._ground[topic] = ground
         self.perceiver.taken.discard(topic)
         if posed and self._setup.perception.enabled:
             around = seen._replace(points=flat[~(own | inside)])
-            said = self.perceiver.take(topic, around, place, self._odometry.trail)
+            said = self.perceiver.take(topic, around, place, trail)
             if said:
                 self._note(topic, said)
         return ""
@@ -192,9 +197,9 @@ class Sensing:
             self._scanned.pop(topic, None)
             return ""
         here, ranges = self._odometry.trail.at(seen.stamp), seen.fan.ranges
-        known, there = self._scanned.get(topic, (NO_POINTS, here))
-        if not np.array_equal(known, ranges, equal_nan=True):
-            self._scanned[topic] = ranges.copy(), here
+        known, there = self._scanned.get(topic, (b"", here))
+        if (now := ranges.tobytes()) != known:
+            self._scanned[topic] = now, here
             return ""
         x, y, turn = relative(there, here)
         moved = max(math.hypot(x, y), abs(turn)) > FROZEN_WAY

@@ -2,12 +2,11 @@
 
 from qpavoid.model.footprint import Footprint
 from qpavoid.ros.guard import Guard
-from qpavoid.ros.parameters import defaults, preset, setup_of
-from qpavoid.ros.wiring import Wiring
+from qpavoid.ros.parameters import Wiring, defaults, preset, setup_of
 
 DT, R_MIN = 0.05, 0.1
 AT_ONCE = {"freshness.good_s": 0.0}
-SMALL = {"robot.footprint_m": Footprint.rectangle(0.5, 0.4).vertices.ravel().tolist(),
+SMALL = {"robot.footprint_m": str(Footprint.rectangle(0.5, 0.4).vertices.tolist()),
          "robot.acceleration_mps2": 1.5, "radius.r_min_slow_m": R_MIN,
          "radius.r_min_fast_m": R_MIN, **AT_ONCE}  # fmt: skip
 """The robot of ``ros_world``."""

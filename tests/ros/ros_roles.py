@@ -45,7 +45,7 @@ BOX = [(*LOW, -0.3, 0.4), (0.3, -0.4, *HIGH), (-0.3, 0.4, *HIGH), (*LOW, 0.3, -0
 DOCK = [(4.0, -0.3, 4.0, 0.3), (3.6, 0.62, 4.0, 0.62), (3.6, 0.62, 3.6, 1.5)]
 ROBOT = {
     "robot_preset": "mir100_rectangle",
-    "robot.footprint_m": "[0.25, 0.2, -0.25, 0.2, -0.25, -0.2, 0.25, -0.2]",
+    "robot.footprint_m": "'[[0.25, 0.2], [-0.25, 0.2], [-0.25, -0.2], [0.25, -0.2]]'",
     "robot.acceleration_mps2": "1.5",
     "radius.r_min_slow_m": R_MIN,
     "radius.r_min_fast_m": R_MIN,
@@ -77,10 +77,14 @@ print(json.dumps([[one.successful, one.reason] for one in future.result().result
 FOLLOWS = """
 import json, math, sys, rclpy
 from rclpy.action import ActionClient
+from bond.msg import Status
 from geometry_msgs.msg import PoseStamped
+from lifecycle_msgs.srv import ChangeState
 from nav2_msgs.action import FollowPath
 rclpy.init()
-node, found, seen = rclpy.create_node("client"), [], []
+node, found, seen, beats = rclpy.create_node("client"), [], [], []
+node.create_subscription(Status, "bond", beats.append, 10)
+goals = node.create_publisher(PoseStamped, "goal_pose", 1)
 client = ActionClient(node, FollowPath, "follow_path")
 assert client.wait_for_server(10.0)
 
@@ -117,7 +121,21 @@ third = sent(path("odom", 2.0))
 cancel = third.cancel_goal_async()
 rclpy.spin_until_future_complete(node, cancel)
 ends(third)
-print(json.dumps({"ends": found, "left": [seen[:1], last]}))
+fourth = sent(path("odom", 2.0))
+other = path("odom", 2.0).path.poses[0]
+other.header.frame_id = "odom"
+goals.publish(other)
+ends(fourth)
+fifth = sent(path("odom", 2.0))
+change = ChangeState.Request()
+change.transition.id = 4  # deactivate
+client = node.create_client(ChangeState, "qpavoid/change_state")
+client.wait_for_service()
+client.call_async(change)
+ends(fifth)
+told = {"ends": found, "left": [seen[:1], last]}
+told["beats"] = [[one.id, one.active, one.instance_id] for one in beats]
+print(json.dumps(told))
 """
 
 
@@ -307,7 +325,7 @@ def main():
     asked = lambda *all_of: [x for x in all_of if not names or x.__name__ in names]  # noqa: E731
     found = {}
     if guides := asked(guide):
-        found |= play(int(domain), guides, role="guide")
+        found |= play(int(domain), guides, role="guide", bond_heartbeat_period=0.1)
     if filters := asked(teleop, dock, follow):
         found |= play(int(domain) + 1, filters, **MODES)
     if "bench" in names:

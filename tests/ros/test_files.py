@@ -16,8 +16,7 @@ import yaml
 
 from places import ROOT
 from qpavoid.cli import main
-from qpavoid.ros.parameters import Running, defaults, preset
-from qpavoid.ros.wiring import Wiring
+from qpavoid.ros.parameters import Wiring, defaults, preset
 
 FOLDER = ROOT / "configs" / "ros"
 KINDS = {"arg", "executable", "node", "include", "group", "let"}
@@ -68,7 +67,7 @@ def test_the_package_starts_the_node_with_parameters_that_it_has():
     (node,) = launch.iter("node")
     used = re.findall(r"\$\(var (\w+)\)", ElementTree.tostring(launch, "unicode"))
     assert set(used) == set(given) and given["role"] == Wiring().role
-    known = {*Wiring._fields, *Running._fields, *defaults(preset("jackal"))}
+    known = {*Wiring._fields, *defaults(preset("jackal"))}
     names = {one.get("name") for one in node.iter("param")} - {None, "use_sim_time"}
     assert names == {"role", "drive.mode", "autostart"} and names <= known
     config = configparser.ConfigParser()

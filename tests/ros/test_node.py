@@ -73,9 +73,14 @@ def test_a_goal_sent_at_1_hz_is_reached_after_an_emergency_stop(driven):
 
 
 def test_it_serves_the_action_of_nav2(driven):
-    """Refused, replaced by the same path sent again, followed, canceled."""
+    """Refused, replaced by the same path sent again, followed, canceled, replaced by a
+    goal on a topic, and deactivated; with heartbeats, until it is deactivated."""
     found, rests = driven["guide"]["action"], driven["guide"]["rests"]
-    assert found["ends"] == [[6, 103], [6, 105], [4, 0], [5, 0]]
+    ends = [[6, 103], [6, 100], [4, 0], [5, 0], [6, 100], [6, 100]]
+    assert found["ends"] == ends
+    names, alive, instances = zip(*found["beats"], strict=True)
+    assert {*names} == {"qpavoid"} and len({*instances}) == 1 and instances[0]
+    assert len(alive) > 20 and all(alive[:-1]) and not alive[-1]
     (first,), (last,) = found["left"]
     assert first > 3.5 and last < 0.1 and rests < 0.01
 

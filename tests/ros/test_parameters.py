@@ -1,5 +1,6 @@
 """Parameters are the keys of scenario files; diagnostics and markers say what is."""
 
+import json
 import math
 
 import numpy as np
@@ -16,9 +17,16 @@ from qpavoid.lab.study.replay import read_parameters
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.ros.guard import Guard
-from qpavoid.ros.parameters import PRESETS, SHAPE, TABLES, defaults, preset, setup_of
+from qpavoid.ros.parameters import (
+    PRESETS,
+    SHAPE,
+    TABLES,
+    Wiring,
+    defaults,
+    preset,
+    setup_of,
+)
 from qpavoid.ros.report import ERROR, OK, WARN, diagnose, markers
-from qpavoid.ros.wiring import Wiring
 
 FOLDER = ROOT / "configs" / "ros"
 
@@ -43,15 +51,17 @@ def test_names_are_those_of_scenario_files():
 
 def test_values_are_set_and_refused_by_name():
     robot = preset("jackal")
-    corners = [-0.1, -0.1, 0.2, -0.1, 0.2, 0.1, -0.1, 0.1]
-    given = {"filter.weight_omega_m2": 0.3, "robot.v_min_mps": 0.0, SHAPE: corners}
+    text = "[[-0.1, -0.1], [0.2, -0.1], [0.2, 0.1], [-0.1, 0.1]]"
+    given = {"filter.weight_omega_m2": 0.3, "robot.v_min_mps": 0.0, SHAPE: text}
     setup = setup_of(defaults(robot) | given, robot, 0.05)
     assert setup.settings.weights == (1.0, 0.3) and setup.settings.dt == 0.05
     assert setup.robot.limits.v_min == 0.0 and setup.robot.limits.v_max == 2.0
     assert setup.robot.footprint.circumradius == pytest.approx(math.hypot(0.2, 0.1))
-    union = defaults(robot) | {SHAPE: [*corners, math.nan, *corners[:6]]}
-    parts = setup_of(union, robot, 0.05).robot.footprint.parts
-    assert [len(part) for part in parts] == [4, 3]
+    clockwise = "[[0.2, 0.1], [0.2, -0.1], [-0.1, -0.1]]"
+    union = defaults(robot) | {SHAPE: f"[{text}, {clockwise}]"}
+    first, second = setup_of(union, robot, 0.05).robot.footprint.outlines
+    assert first.tolist() == json.loads(text)
+    assert second.tolist() == json.loads(clockwise)[::-1]
     for wrong, said in (
         (
             {"radius.r_min_slow_m": -1.0},
@@ -59,19 +69,19 @@ def test_values_are_set_and_refused_by_name():
         ),
         ({"filter.gamma_per_s": 100.0}, r"filter: gamma \* dt = 5 > 1"),
         ({"filter.bound": "none"}, "to be one of barrier, repulsion"),
-        ({SHAPE: corners[:-1]}, "needs pairs"),
-        ({SHAPE: [*corners, math.nan]}, "a footprint takes"),
-        ({SHAPE: corners[-2:] + corners[2:6] + corners[:2]}, "counter-clockwise"),
+        ({SHAPE: "[[1, 2], [3]]"}, "robot.footprint_m: "),
+        ({SHAPE: "[[0, 0], [1, 0], [0, 1]"}, "robot.footprint_m: "),
+        ({SHAPE: [0.0, 1.0]}, "robot.footprint_m: "),
+        ({SHAPE: "[]"}, "robot.footprint_m: "),
+        ({SHAPE: '["ab", "cd"]'}, "robot.footprint_m: "),
+        ({SHAPE: f"[{text}, []]"}, "robot.footprint_m: "),
+        ({SHAPE: "[[0, 0]]"}, "n >= 3"),
+        ({SHAPE: "[[0, 0], [1, 0], [0, 1], [1, 1]]"}, "robot.footprint_m: "),
     ):
         with pytest.raises(InvalidInputError, match=said):
             setup_of(defaults(robot) | wrong, robot, 0.05)
     with pytest.raises(UnknownNameError, match="did you mean 'jackal'"):
         preset("jakal")
-    nav2 = "[[0.2, 0.1], [0.2, -0.1], [-0.1, -0.1], [-0.1, 0.1]]"
-    assert preset("jackal", nav2).footprint.circumradius == pytest.approx(0.05**0.5)
-    for text, said in (("[[1, 2], [3]]", "footprint_text: "), ("[[0, 0]]", "n >= 3")):
-        with pytest.raises(InvalidInputError, match=said):
-            preset("jackal", text)
 
 
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.yaml")), ids=lambda p: p.stem)
@@ -100,20 +110,21 @@ def step(guard, distance, v=0.8):
 
 
 def test_diagnostics_say_what_is(guard):
-    early = diagnose(guard, guard.step(9.0, 9.0), (), 20.0)
-    assert early.level == ERROR and early.message.startswith("scan: never seen.")
-    free = diagnose(guard, step(guard, 8.0), (0.001, 0.002, 0.003), 20.0)
-    assert free.level == OK and free.values["status"] == "tracking"
-    assert free.values["latency_p50_s"] == "0.002"
-    assert free.values["scan"] == "fresh, 0 s old; refused: none"
+    early = guard.step(9.0, 9.0)
+    assert early.sentence.startswith("scan: never seen.")
+    assert diagnose(guard, early, (), 20.0)[0] == ERROR
+    level, free = diagnose(guard, step(guard, 8.0), (0.001, 0.002, 0.003), 20.0)
+    assert level == OK and free["status"] == "tracking"
+    assert free["latency_p50_s"] == "0.002"
+    assert free["scan"] == "fresh, 0 s old; refused: none"
     guard.see("scan", ros.wall(9.0, 1.0), 10.0, 10.0)
     late = guard.step(10.4, 10.4)
-    told = diagnose(guard, late, (), 20.0)
+    _, told = diagnose(guard, late, (), 20.0)
     assert late.faults == {"scan": Fault.UNORDERED}
-    assert told.values["scan"] == "unordered, 0.4 s old; refused: 1 unordered"
+    assert told["scan"] == "unordered, 0.4 s old; refused: 1 unordered"
     guard.inputs.latch.steps = 5
     guard.see("scan", ros.wall(10.5, 8.0), 10.5, 10.5)
-    assert diagnose(guard, guard.step(10.5, 10.5), (), 20.0).level == WARN
+    assert diagnose(guard, guard.step(10.5, 10.5), (), 20.0)[0] == WARN
 
 
 def test_markers_show_what_holds_the_robot(guard):

@@ -12,7 +12,7 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.inputs import Fault
 from qpavoid.errors import InvalidInputError
 from qpavoid.ros.guard import Guard
-from qpavoid.ros.wiring import Wiring
+from qpavoid.ros.parameters import Wiring
 
 BEAMS = 360
 ROOM = [(-5, -5, 5, -5), (5, -5, 5, 5), (5, 5, -5, 5), (-5, 5, -5, -5)]

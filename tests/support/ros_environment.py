@@ -49,6 +49,7 @@ FOLLOW_PATH = """nav_msgs/Path path
 string controller_id
 string goal_checker_id
 ---
+uint16 UNKNOWN=100
 uint16 INVALID_PATH=103
 uint16 FAILED_TO_MAKE_PROGRESS=105
 std_msgs/Empty result
@@ -57,7 +58,15 @@ uint16 error_code
 float32 distance_to_goal
 float32 speed
 """
+BOND = """std_msgs/Header header
+string id
+string instance_id
+bool active
+float32 heartbeat_timeout
+float32 heartbeat_period
+"""
 INTERFACES = {
+    "bond/msg/Status.msg": BOND,
     "tf2_msgs/msg/TFMessage.msg": "geometry_msgs/TransformStamped[] transforms\n",
     "nav2_msgs/action/FollowPath.action": FOLLOW_PATH,
 }

@@ -20,7 +20,7 @@ from qpavoid.errors import (
 )
 from qpavoid.files import MOST_UNPACKED, below, open_file, reading
 from qpavoid.ros.messages import seconds
-from qpavoid.ros.wiring import Wiring
+from qpavoid.ros.parameters import Wiring
 from qpavoid.types import Array
 
 ROS_TYPES = {

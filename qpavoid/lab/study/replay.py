@@ -39,10 +39,16 @@ from qpavoid.model.robot import Limits, Robot
 from qpavoid.model.trail import relative
 from qpavoid.ros.guard import Guard, GuardStep
 from qpavoid.ros.messages import read_twist, seconds
-from qpavoid.ros.parameters import PRESETS, Running, defaults, preset, setup_of
+from qpavoid.ros.parameters import (
+    PRESETS,
+    GuardSetup,
+    Wiring,
+    defaults,
+    preset,
+    setup_of,
+)
 from qpavoid.ros.report import Drawing, diagnose, markers
 from qpavoid.ros.sensing import ORIGIN
-from qpavoid.ros.wiring import GuardSetup, Wiring
 from qpavoid.settings import want
 from qpavoid.types import Array, Twist
 
@@ -66,12 +72,10 @@ class Parameters(NamedTuple):
     """Parameters of the node from a file.
 
     Attributes:
-        running: How the node runs.
-        wiring: Of the node.
+        wiring: Fixed at the start.
         setup: Robot, filter, freshness.
     """
 
-    running: Running
     wiring: Wiring
     setup: GuardSetup
 
@@ -116,9 +120,9 @@ def read_parameters(path: Path) -> Parameters:
     except (AttributeError, KeyError, TypeError, ValueError):
         raise ConfigError([f"{path}: needs one node with ros__parameters"]) from None
     try:
-        named = Running()._asdict() | given
-        robot = preset(str(named["robot_preset"]), str(named["footprint_text"]))
-        known = Running()._asdict() | Wiring()._asdict() | defaults(robot)
+        fixed = Wiring()._asdict()
+        robot = preset(str((fixed | given)["robot_preset"]))
+        known = fixed | defaults(robot)
         unknown = [key for key in given if key not in known]
         if unknown:
             raise ConfigError(
@@ -126,12 +130,11 @@ def read_parameters(path: Path) -> Parameters:
                 for key in unknown
             )
         known |= {k: tuple(x) if isinstance(x, list) else x for k, x in given.items()}
-        running = Running(**{key: known[key] for key in Running._fields})
-        wiring = Wiring(**{key: known[key] for key in Wiring._fields})
-        setup = setup_of(known, robot, running.dt_s)
+        wiring = Wiring(**{key: known[key] for key in fixed})
+        setup = setup_of(known, robot, wiring.dt_s)
     except (QPAvoidError, TypeError, ValueError, OverflowError) as error:
         raise ConfigError([f"{path}: {error}"]) from None
-    return Parameters(running, wiring, setup)
+    return Parameters(wiring, setup)
 
 
 def _flat(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
@@ -518,10 +521,10 @@ def _frame(bag: BagWriter, wired: Wiring, row: Mapping[str, Any]) -> Any:
 
 
 def _status(bag: BagWriter, guard: Guard, step: GuardStep) -> Any:
-    found = diagnose(guard, step, (), math.nan)
+    level, values = diagnose(guard, step, (), math.nan)
     status = bag.blank("diagnostic_msgs/msg/DiagnosticStatus")
-    status.level, status.message, status.name = found.level, found.message, "qpavoid"
-    for key, value in found.values.items():
+    status.level, status.message, status.name = level, step.sentence, "qpavoid"
+    for key, value in values.items():
         status.values.append(bag.blank("diagnostic_msgs/msg/KeyValue"))
         vars(status.values[-1]).update(key=key, value=value)
     return status

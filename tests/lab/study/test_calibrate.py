@@ -16,7 +16,7 @@ from qpavoid.lab.study.bags import BagWriter
 from qpavoid.lab.study.calibrate import EXCITED, Recording, calibrate
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.perception.settings import MOUNT
-from qpavoid.ros.wiring import Wiring
+from qpavoid.ros.parameters import Wiring
 from qpavoid.settings import declared
 
 BEAMS, RATE, START = 120, 8.0, 1.7e9

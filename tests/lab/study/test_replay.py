@@ -28,7 +28,7 @@ from qpavoid.lab.study.replay import (
     summary,
 )
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.ros.wiring import Wiring
+from qpavoid.ros.parameters import Wiring
 
 RATE, START = 20.0, 1.7e9
 TF = "tf2_msgs/msg/TFMessage"
@@ -472,7 +472,9 @@ def test_two_scanners_of_a_real_robot(tmp_path, capsys, data_folder):
     poses = [0.236, 0.0, 0.068, 0.0, 0.0, 0.0, -0.238, 0.005, 0.099, 0.0, 0.0, math.pi]
     named = f"frames: [front_scanner, rear_scanner], frame_poses: {poses}"
     scans = "scans: [front_scan, rear_scan], odometry: ''"
-    shape = "robot: {footprint_m: [0.2, 0.2, -0.2, 0.2, -0.2, -0.2, 0.2, -0.2]}"
+    shape = (
+        "robot: {footprint_m: '[[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]]'}"
+    )
     file.write_text(f"/**: {{ros__parameters: {{{scans}, {named}, {shape}}}}}")
     command = ["replay", str(bag), "--params", str(file), "--out", str(tmp_path)]
     assert main([*command, "--json"]) == 0
