@@ -80,12 +80,12 @@ def _replayed(options: Namespace) -> int:
         robot = robot_of(options.robot)
     params = options.params
     told = None if params is None else read_parameters(parameter_file(params))
-    wiring = None if told is None else told.wiring
+    wiring = None if told is None else told[0]
     topics = options.command_topic, options.odometry_topic
     drive, allowed = bag_drive(options.bag, wiring, *topics), options.allow_changed
     if allowed is not None and not drive.has_commands:
         raise UsageError(f"{options.bag}: no commands for --allow-changed")
-    setup = told.setup if told else setup_for(drive, robot)
+    setup = told[1] if told else setup_for(drive, robot)
     if options.raw:
         raw = replace(setup.perception, enabled=False)
         setup = setup._replace(perception=raw)

@@ -19,46 +19,38 @@ pytestmark = pytest.mark.slow
 PEER = ROOT / "tests" / "support" / "ros_peer.py"
 
 
+def lines(python, *given, **environment):
+    """Lines that a process prints, whose package is that of this tree."""
+    known = os.environ | {"PYTHONPATH": str(ROOT)} | environment
+    pipes = {"capture_output": True, "text": True, "check": False}
+    done = subprocess.run([python, *given], env=known, timeout=1800, **pipes)
+    assert done.returncode == 0, done.stderr[-3000:]
+    return done.stdout.splitlines()
+
+
+def told(python, script, **environment):
+    """What a peer of the node prints after all its scenes."""
+    domain = str(random.SystemRandom().randrange(60, 100))
+    found = json.loads(lines(python, script, domain, **environment)[-1])
+    print(json.dumps(found, indent=1))
+    return found
+
+
 @pytest.fixture(scope="session")
 def happened(python):
-    """Results of all scenes, from one run of the peer."""
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    domain = str(random.SystemRandom().randrange(60, 100))
-    done = subprocess.run(
-        [python, PEER, domain],
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=1800,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr[-3000:]
-    told = json.loads(done.stdout.splitlines()[-1])
-    print(json.dumps(told, indent=1))
-    return told
+    return told(python, PEER)
 
 
 @pytest.fixture(scope="session")
 def driven(python):
-    """Results of all roles and modes, from one run of their peer."""
+    """Results of all roles and modes."""
     try:
-        environment = ros_environment.interfaces(python)
+        known = ros_environment.interfaces(python)
     except OSError as error:
-        pytest.skip(f"no interfaces of tf2_msgs and nav2_msgs: {error}")
-    paths = [str(ROOT), str(PEER.parent), environment["PYTHONPATH"]]
-    domain = str(random.SystemRandom().randrange(60, 100))
-    done = subprocess.run(
-        [python, ROOT / "tests" / "ros" / "ros_roles.py", domain],
-        env=environment | {"PYTHONPATH": os.pathsep.join(paths)},
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr[-3000:]
-    told = json.loads(done.stdout.splitlines()[-1])
-    print(json.dumps(told, indent=1))
-    return told
+        pytest.skip(f"no interfaces of tf2_msgs, nav2_msgs and bond: {error}")
+    paths = os.pathsep.join([str(ROOT), str(PEER.parent), known["PYTHONPATH"]])
+    script = ROOT / "tests" / "ros" / "ros_roles.py"
+    return told(python, script, **(known | {"PYTHONPATH": paths}))
 
 
 def test_a_goal_sent_at_1_hz_is_reached_after_an_emergency_stop(driven):
@@ -226,13 +218,8 @@ for step in ("deactivate", "cleanup", "configure", "activate", "shutdown"):
 
 def test_frames_by_tf_and_a_whole_life(python):
     """tf2_msgs has no wheels: its messages are given to the node by hand."""
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "ROS_DOMAIN_ID": "59"}
-    run = [python, "-c", LIFE]
-    done = subprocess.run(
-        run, env=environment, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr[-2000:]
-    known, unknown, radius, scans, speed = done.stdout.splitlines()[-5:]
+    run = lines(python, "-c", LIFE, ROS_DOMAIN_ID="59")
+    known, unknown, radius, scans, speed = run[-5:]
     assert known.startswith("mast") and "'tf': " in known and "'scan'" not in known
     assert "unknown frame 'nowhere'" in unknown
     assert "False radius: a safety radius needs r_min_slow >= 0" in radius
@@ -248,12 +235,4 @@ def test_shipped_parameters_start_a_node(python, name):
         "node = SafetyNode(); assert node.trigger_configure() is SUCCESS; "
         "assert node.trigger_activate() is SUCCESS; node._step()"
     )
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "ROS_DOMAIN_ID": "58"}
-    done = subprocess.run(
-        [python, "-c", code],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr[-2000:]
+    lines(python, "-c", code, ROS_DOMAIN_ID="58")

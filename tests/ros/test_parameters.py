@@ -91,9 +91,8 @@ def test_shipped_files_are_valid(path):
         (run,) = [one["executable"]["cmd"] for one in launch if "executable" in one]
         assert run.startswith("qpavoid ros --params") and " -- --ros-args" in run
         return
-    found = read_parameters(path)
-    guard = Guard(found.setup, found.wiring)
-    assert guard.inputs.watches and found.setup.freshness.good > 0.0
+    wiring, setup = read_parameters(path)
+    assert Guard(setup, wiring).inputs.watches and setup.freshness.good > 0.0
 
 
 @pytest.fixture

@@ -68,18 +68,6 @@ PANELS, SHOWN = 6, 6.0
 """Of the figure of perception; m that it shows on each side of the robot."""
 
 
-class Parameters(NamedTuple):
-    """Parameters of the node from a file.
-
-    Attributes:
-        wiring: Fixed at the start.
-        setup: Robot, filter, freshness.
-    """
-
-    wiring: Wiring
-    setup: GuardSetup
-
-
 class Replayed(NamedTuple):
     """Result of a replay.
 
@@ -106,8 +94,8 @@ class Replayed(NamedTuple):
         return sum(map(bool, (r["changed"] for r in self.rows))) / len(self.rows)
 
 
-def read_parameters(path: Path) -> Parameters:
-    """Return what a parameter file of ROS 2 says to the node.
+def read_parameters(path: Path) -> tuple[Wiring, GuardSetup]:
+    """Return wiring and settings of the node from a parameter file of ROS 2.
 
     Raises:
         ConfigError: It is no such file, or a key is not known, or a value does not fit.
@@ -134,7 +122,7 @@ def read_parameters(path: Path) -> Parameters:
         setup = setup_of(known, robot, wiring.dt_s)
     except (QPAvoidError, TypeError, ValueError, OverflowError) as error:
         raise ConfigError([f"{path}: {error}"]) from None
-    return Parameters(wiring, setup)
+    return wiring, setup
 
 
 def _flat(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
