@@ -117,22 +117,19 @@ second = sent(path("odom", 0.0))
 ends(first)
 ends(second)
 last = seen[-1:]
-third = sent(path("odom", 2.0))
-cancel = third.cancel_goal_async()
-rclpy.spin_until_future_complete(node, cancel)
-ends(third)
-fourth = sent(path("odom", 2.0))
 other = path("odom", 2.0).path.poses[0]
 other.header.frame_id = "odom"
-goals.publish(other)
-ends(fourth)
-fifth = sent(path("odom", 2.0))
 change = ChangeState.Request()
 change.transition.id = 4  # deactivate
 client = node.create_client(ChangeState, "qpavoid/change_state")
 client.wait_for_service()
-client.call_async(change)
-ends(fifth)
+handle = sent(path("odom", 2.0))
+rclpy.spin_until_future_complete(node, handle.cancel_goal_async())
+ends(handle)
+for end in lambda: goals.publish(other), lambda: client.call_async(change):
+    handle = sent(path("odom", 2.0))
+    end()
+    ends(handle)
 told = {"ends": found, "left": [seen[:1], last]}
 told["beats"] = [[one.id, one.active, one.instance_id] for one in beats]
 print(json.dumps(told))

@@ -22,12 +22,6 @@ FOLDER = ROOT / "configs" / "ros"
 KINDS = {"arg", "executable", "node", "include", "group", "let"}
 
 
-def launched():
-    document = yaml.safe_load((FOLDER / "safety.launch.yaml").read_text())
-    assert set(document) == {"launch"}
-    return document["launch"]
-
-
 def filled(text, given):
     """A text of launch with its variables put in; a name that is none is an error."""
     return re.sub(r"\$\(var (\w+)\)", lambda m: given[m[1]], text)
@@ -35,7 +29,8 @@ def filled(text, given):
 
 def test_the_launch_file_starts_the_command(monkeypatch):
     """With its defaults, and with every shipped file of parameters."""
-    entries = launched()
+    document = yaml.safe_load((FOLDER / "safety.launch.yaml").read_text())
+    entries = document["launch"]
     assert all(len(one) == 1 and set(one) <= KINDS for one in entries)
     arguments = {one["arg"]["name"]: one["arg"] for one in entries if "arg" in one}
     given = {name: one["default"] for name, one in arguments.items()}
