@@ -29,7 +29,7 @@ def lines(python, *given, **environment):
 
 
 def told(python, script, **environment):
-    """What a peer of the node prints after all its scenes."""
+    """Output of a peer of the node after all its scenes."""
     domain = str(random.SystemRandom().randrange(60, 100))
     found = json.loads(lines(python, script, domain, **environment)[-1])
     print(json.dumps(found, indent=1))
