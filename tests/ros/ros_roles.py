@@ -121,12 +121,12 @@ other = path("odom", 2.0).path.poses[0]
 other.header.frame_id = "odom"
 change = ChangeState.Request()
 change.transition.id = 4  # deactivate
-client = node.create_client(ChangeState, "qpavoid/change_state")
-client.wait_for_service()
+changes = node.create_client(ChangeState, "qpavoid/change_state")
+changes.wait_for_service()
 handle = sent(path("odom", 2.0))
 rclpy.spin_until_future_complete(node, handle.cancel_goal_async())
 ends(handle)
-for end in lambda: goals.publish(other), lambda: client.call_async(change):
+for end in lambda: goals.publish(other), lambda: changes.call_async(change):
     handle = sent(path("odom", 2.0))
     end()
     ends(handle)

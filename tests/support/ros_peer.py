@@ -468,8 +468,9 @@ def jump(peer, node):
         peer.clock.write(Clock(as_time(peer.now)))
         time.sleep(0.1)  # a step at the new time, before messages have it
         peer.drive(3.0)
-        rows = [abs(v) for t, v, _ in peer.since(at)]
-        found[name] = {"stopped": min(rows) < 1e-9, "drives": rows[-1] > 0.0}
+        still = [t for t, v, _ in peer.since(at) if abs(v) < 1e-9]
+        goes = math.isfinite(peer.goes(still[0] if still else at))
+        found[name] = {"stopped": bool(still), "drives": goes}
     return found
 
 
