@@ -106,6 +106,12 @@ RANKINGS = (
 )
 """All that is compared."""
 
+REACTING = (
+    Ranking("reacting", "ORCA", "crowdnav_reacting", "orca"),
+    Ranking("reacting", "Social force", "crowdnav_reacting", "force"),
+)
+"""Crowds that see the robot, all densities."""
+
 FLEETS = tuple(
     Ranking("fleet", title, "fleet", f"/{setting}$")
     for setting, title in {

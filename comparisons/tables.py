@@ -30,6 +30,7 @@ from qpavoid.types import Array
 from rows import (
     FLEETS,
     RANKINGS,
+    REACTING,
     Ranking,
     Run,
     Runs,
@@ -40,7 +41,7 @@ from rows import (
 
 HERE = Path(__file__).resolve().parent
 FIGURE = HERE / "figures" / "success.png"
-PAGES = HERE / "README.md", HERE.parent / "README.md"
+PAGES = HERE / "README.md", HERE.parent / "README.md", HERE / "crowdnav" / "README.md"
 
 OURS = "qp-ahead+guide"
 NAMED = {"mppi": "MPPI", "nmpc": "NMPC", "teb": "TEB", "mpc-cbf": "MPC-CBF"}
@@ -50,7 +51,7 @@ NAMED["orca"] = "ORCA"
 COLORS = "#1a8f3c", "#1f77b4", "#d95f02", "#7b5ea7", "#b8860b", "#7f7f7f"
 """Of ours and the named methods."""
 
-VARIANT = re.compile(r"qp-ahead|\+guide|^omni$|holonomic")
+VARIANT = re.compile(r"qp-ahead(?!\+guide@)|\+guide(?!@)|^omni$|holonomic")
 """Variants of our method, and other machines: printed by ``--print`` only."""
 
 LEVEL, CLOSE, FEW = 0.05, 0.8, 8
@@ -258,7 +259,7 @@ def written(heads: Sequence[str], lines: Iterable[Sequence[str]], words: int) ->
 
 def study_table(name: str, every: bool = False) -> str:
     """Return the table of a study; ``every``: with all methods that ran."""
-    some = [compare(x) for x in RANKINGS if x.table == name]
+    some = [compare(x) for x in RANKINGS + REACTING if x.table == name]
     lines = []
     for found in some:
         shown = found.shown()
@@ -340,6 +341,7 @@ def tables() -> Mapping[str, Callable[[], str]]:
     by_title = {x.title: x for x in RANKINGS}
     first = [by_title[title] for title in FIRST]
     named = {x.table: partial(study_table, x.table) for x in RANKINGS}
+    named["reacting"] = partial(study_table, "reacting", every=True)
     short = {
         "first": partial(short_table, first),
         "fleet": partial(short_table, FLEETS),
@@ -352,7 +354,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description="Tables and figure of the comparisons."
     )
-    names = sorted({x.table for x in RANKINGS})
+    names = sorted({x.table for x in RANKINGS + REACTING})
     parser.add_argument("--print", dest="table", choices=names, help="one table whole")
     if table := parser.parse_args().table:
         print(study_table(table, every=True))

@@ -143,8 +143,8 @@ def summary(rows: list[Row]) -> Row:
     found |= {k: round(count / len(rows), 4) for k, count in shares.items()}
     found["time_s"] = round(float(np.mean(times)), 2) if times else None
     intrusion = [row["intrusion_percent"] for row in rows]
-    found["intrusion_percent"] = round(float(np.mean(intrusion)), 2)
-    return found | effect(rows)
+    usual = {"intrusion_percent": round(float(np.mean(intrusion)), 2)}
+    return found | (effect(rows) or usual)
 
 
 def effect(rows: list[Row]) -> Row:
@@ -160,7 +160,8 @@ def effect(rows: list[Row]) -> Row:
     for key, cost in zip(("delay_per_s", "detour_mps"), costs, strict=True):
         ratio = cost.sum() / lasted.sum()
         error = np.linalg.norm(cost - ratio * lasted) / lasted.sum()
-        found |= {key: round(ratio, 3), f"{key}_error": round(error, 3)}
+        numbers = round(float(ratio), 3), round(float(error), 3)
+        found |= dict(zip((key, f"{key}_error"), numbers, strict=True))
     return found
 
 

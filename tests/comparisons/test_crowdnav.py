@@ -246,6 +246,17 @@ def test_the_page_shows_the_results():
         assert f"| `{method}` | {setting} | {n} | {' | '.join(cells)} |" in page
 
 
+def test_the_page_of_crowds_that_react_shows_the_results():
+    page = (COMPARISONS / "crowdnav/README.md").read_text("utf-8")
+    for row in read(COMPARISONS / "results/crowdnav_reacting_people.csv"):
+        setting, method, n, *shares, time, delay, error, detour, other = row.values()
+        cells = [f"{float(x):.2f}" for x in shares]
+        cells += [f"{float(time):.1f}" if time else "–"]
+        cells += f"{float(delay):.2f} ± {float(error):.2f}", f"{float(detour):.2f} ± "
+        assert f"| {setting} | `{method}` | {n} | {' | '.join(cells)}" in page
+        assert f"{float(other):.2f} |" in page
+
+
 def study(monkeypatch, *arguments):
     monkeypatch.setattr(sys, "argv", ["crowdnav.py", "--workers", "1", *arguments])
     crowdnav.main()
