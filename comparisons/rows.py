@@ -84,7 +84,8 @@ RANKINGS = (
     Ranking("barn", "BARN, 2 m/s, LiDAR", "barn", "2 m/s: LiDAR"),
     Ranking("wheels", "BARN on wheels", "barn_wheels", "2 m/s", r"\d+$"),
     Ranking("wheels", "Moving discs on wheels", "discs_wheels"),
-    Ranking("crowd", "Recorded crowds", "crowd", "eth|hotel|zara01"),
+    Ranking("crowd", "Recorded crowds", "crowd", "(eth|hotel|zara01)$"),
+    Ranking("crowd", "Recorded crowds, LiDAR", "crowd", "LiDAR"),
     Ranking("crowd", "Dense crowd", "crowd", "students03"),
     Ranking("crowdnav", "CrowdNav, 5 people", "crowdnav", "^5"),
     Ranking("crowdnav", "CrowdNav, 10 people", "crowdnav", "^10"),
@@ -97,12 +98,12 @@ RANKINGS = (
         for title, scenes in {
             "Moving discs as points": "strangers as points",
             "Forests as points": "forest as points",
-            "Moving discs as tracks": "strangers as tracks",
+            "Moving discs, perception": "strangers as tracks",
         }.items()
     ),
     Ranking("together", "Discs as points, all", "sensing", "^str.* points: tog"),
     Ranking("together", "Forests as points, all", "sensing", "^for.* points: tog"),
-    Ranking("together", "Discs as tracks, all", "sensing", "tracks: tog"),
+    Ranking("together", "Discs, perception, all", "sensing", "tracks: tog"),
 )
 """All that is compared."""
 

@@ -13,7 +13,7 @@ from qpavoid.lab.study.sweep.job import run_job
 from qpavoid.lab.study.sweep.study import read_study
 
 FILES = sorted((COMPARISONS / "studies").rglob("*.toml"))
-DATA = {"barn", "barn_lidar", "barn_wheels", "crowd", "dynabarn", "maps"}
+DATA = {"barn", "barn_lidar", "barn_wheels", "crowd", "crowd_lidar", "dynabarn", "maps"}
 METRICS = "astar", "qp-ahead+guide"
 METHOD = {"maps": "astar", "noise": "vfh", "latency_tracks": "vfh"}
 """Whose first run is compared, if not ``alone``; other levels ran no such method."""
