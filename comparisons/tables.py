@@ -289,7 +289,8 @@ def short_table(rankings: Iterable[Ranking]) -> str:
 def in_short(found: Compared, name: str, row: Summary) -> str:
     """Return success and contacts, %, of a method."""
     text = f"{100.0 * row.success[0]:.0f}"
-    text = f"**{text}**" if name in found.best["success"] else text
+    tested = found.ranking not in FLEETS and name in found.best["success"]
+    text = f"**{text}**" if tested else text
     return f"{text} / {100.0 * row.contacts / row.ran:.0f}"
 
 

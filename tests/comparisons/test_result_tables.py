@@ -154,9 +154,9 @@ def test_the_sentences_have_the_numbers_of_the_rows():
         f"{both(every[OURS])} contacts of 60. ORCA has {both(every['orca'])} contacts",
         "TEB needs {} of MPPI's time among moving discs, ours {}".format(*disc),
         f"{hit(free['teb'], '/')} of 150 runs there, ours in none",
-        f"in all, ours {hit(dyna[OURS])}.",
+        f"each, ours {hit(dyna[OURS])}.",
         "begins {} contacts while it moves, NMPC {} and MPC-CBF {}".format(*moving),
-        *(f"have {hit(dyna[x])} contacts in all, ours" for x in ("nmpc", "mpc-cbf")),
+        *(f"have {hit(dyna[x])} contacts each, ours" for x in ("nmpc", "mpc-cbf")),
         *(f"succeed in {rate(end[x])} %, ours in" for x in ("nmpc", "mpc-cbf")),
         f"{rate(end[OURS])} %. The test",
         f"{len(tasks[mine])} tasks ours begins {hit(tasks[mine], 'c')} contact",
@@ -179,7 +179,7 @@ def test_the_sentences_of_the_readme():
     ours, mppi = (sum(hit(x, "/") for x in y) for y in zip(*pairs, strict=True))
     assert f"in {ours} of 4,212 runs, MPPI in {mppi:,} of the same" in text
     ten = [hit(runs("crowdnav", "^10")[x]) for x in (OURS, "mppi")]
-    assert f"in {ten[0]} of 500 runs among CrowdNav's ten people, MPPI {ten[1]}" in text
+    assert f"contact in {ten[0]} of 500 runs, MPPI in {ten[1]}" in text
     assert sum(len(x) for x, _ in pairs) == 4212 and len(pairs) == 25
     assert f"In all {best[OURS]} sets of scenes" in text
     assert [best[x] for x in ("mpc-cbf", "mppi", "nmpc")] == [15, 13, 12]

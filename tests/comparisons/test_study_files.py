@@ -87,7 +87,7 @@ def test_other_numbers_of_the_page_are_those_of_the_rows():
     assert "metric of {:.3f}, ours {:.3f};".format(*metric) in page
     people = rows.chosen(next(x for x in rows.RANKINGS if "10 people" in x.title))
     ran = [len(people[x]) for x in ("nmpc", "teb", "mpc-cbf")]
-    assert "({} and {} of 500), MPC-CBF too ({} of 500)".format(*ran) in page
+    assert "NMPC ran {} of the 500 scenes, TEB and MPC-CBF {}.".format(*ran) in page
     discs = rows.read_runs("discs")
     won = {k for some in discs.values() for k, run in some.items() if not run.end}
     assert len({k for some in discs.values() for k in some} - won) == 2
