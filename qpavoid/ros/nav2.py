@@ -4,6 +4,7 @@ from typing import Any
 from uuid import uuid4
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.duration import Duration
 from rclpy.task import Future
 
 from qpavoid.avoidance.decision import Status
@@ -46,8 +47,7 @@ class FollowPathServer:
     async def _follow(self, goal: Any) -> Any:
         """Follow the path of a goal until it ends."""
         self.end("replaced by follow_path")
-        refused = self._guard.tasks.take("path", goal.request.path)
-        if refused:
+        if refused := self._guard.tasks.take("path", goal.request.path):
             return self._aborted(goal, "INVALID_PATH", f"refused: {refused}")
         self._goal, self._end = goal, Future()
         why = await self._end
@@ -121,8 +121,9 @@ class Bond:
         self._publisher.publish(self._message)
 
     def destroy(self) -> None:
-        """Break the bond."""
+        """Break the bond; wait until all know, 0.5 s at most."""
         self._message.active = False
         self._beat()
+        self._publisher.wait_for_all_acked(Duration(seconds=0.5))
         self._node.destroy_timer(self._timer)
         self._node.destroy_publisher(self._publisher)

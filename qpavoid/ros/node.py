@@ -202,7 +202,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish twists from now on; the robot stands until all inputs are valid."""
-        jitter, dt = self._values["actuation.jitter"], self._wiring.dt_s
+        longest = self._wiring.dt_s * (1.0 + self._values["actuation.jitter"])
         if self._wiring.bond_heartbeat_period > 0.0:
             try:
                 self._bond = Bond(self, self._wiring.bond_heartbeat_period)
@@ -211,9 +211,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
                 return TransitionCallbackReturn.FAILURE
         gc.collect()
         gc.freeze()  # a full collection of all that exists now takes 30 ms
-        self._timer = self.create_timer(
-            dt * (1.0 + jitter), self._step, None, self._steady
-        )
+        self._timer = self.create_timer(longest, self._step, None, self._steady)
         return SUCCESS
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:

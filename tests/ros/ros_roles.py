@@ -75,7 +75,7 @@ print(json.dumps([[one.successful, one.reason] for one in future.result().result
 """
 
 FOLLOWS = """
-import json, math, sys, rclpy
+import json, time, rclpy
 from rclpy.action import ActionClient
 from bond.msg import Status
 from geometry_msgs.msg import PoseStamped
@@ -130,6 +130,9 @@ for end in lambda: goals.publish(other), lambda: changes.call_async(change):
     handle = sent(path("odom", 2.0))
     end()
     ends(handle)
+until = time.monotonic() + 10.0
+while beats[-1].active and time.monotonic() < until:
+    rclpy.spin_once(node, timeout_sec=0.1)
 told = {"ends": found, "left": [seen[:1], last]}
 told["beats"] = [[one.id, one.active, one.instance_id] for one in beats]
 print(json.dumps(told))
@@ -267,21 +270,14 @@ def teleop(peer):
 
 
 def dock(peer):
-    found = {
-        "set": peer.begin([*DOCK, *ROOM], (), (2.5, 0, 0), **{"drive.mode": "dock"})
-    }
+    told = peer.begin([*DOCK, *ROOM], (), (2.5, 0, 0), **{"drive.mode": "dock"})
 
     def drives(k):
         peer.asked = (0.8 * (4.0 - 0.25 - 0.02 - peer.world.pose[0]), 0.0)
 
     peer.run(15.0, drives)
-    gaps = peer.world.clearances()
-    said = peer.feedback[0]
-    return found | {
-        "gap": float(gaps[0]),
-        "others": float(peer.least[1:].min()),
-        "said": said,
-    }
+    found = {"set": told, "gap": float(peer.world.clearances()[0])}
+    return found | {"others": float(peer.least[1:].min()), "said": peer.feedback[0]}
 
 
 def follow(peer):

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import venv
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
 
 NAMES = (
@@ -92,10 +93,11 @@ MANIFEST = """<package format="3"><name>{name}</name><version>1.0.0</version>
 def interfaces(python):
     """Return the environment of a process that has :data:`INTERFACES`, built once.
 
-    An OSError has the end of what the builder says.
+    Others are built anew. An OSError has the end of what the builder says.
     """
-    root = Path(python).parents[1]
-    made, libraries = root / "interfaces", f"{root}/interfaces/lib:{root}/lib"
+    root, asked = Path(python).parents[1], repr((INTERFACES, NEEDED, CMAKE, MANIFEST))
+    made = root / "interfaces" / sha256(asked.encode()).hexdigest()[:12]
+    libraries = f"{made}/lib:{root}/lib"
     place = f"lib/python3.{sys.version_info[1]}/site-packages"
     environment = os.environ | {"LD_LIBRARY_PATH": libraries}
     environment |= {"PYTHONPATH": str(made / place), "AMENT_PREFIX_PATH": str(root)}
