@@ -122,7 +122,22 @@ def margins(scene: Scene, plan: Plan) -> PlanMargins:
         for i in range(scene.bodies.shape[0]):
             if not moves(scene, i):
                 static, _ = least_margin(scene, rollout, i, span, static)
-    return PlanMargins(static, moving_margin(scene, rollout, 0.0))
+    moving = moving_margin(scene, rollout, 0.0)
+    if moving >= level:
+        moving = min(moving, kept_level(scene, rollout, level))
+    return PlanMargins(static, moving)
+
+
+@compiled_once
+def kept_level(scene: Scene, rollout: Rollout, level: float) -> float:
+    """Return 0, or a threshold below ``level`` that all moving bodies keep.
+
+    The samples of the least margin may miss a violation of ``level`` by a fast body.
+    """
+    end, kept, step = scene.settings[0].horizon, level, REPLAY_ROUNDING
+    while step < 1.0 and not keeps_all(scene, rollout, Watch((end, kept), UNWATCHED)):
+        kept, step = kept - step, 2.0 * step
+    return 0.0 if kept == level else kept
 
 
 @compiled_once

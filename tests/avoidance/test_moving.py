@@ -11,6 +11,8 @@ from problems import ROBOTS, Scene, loop
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import Limits, Robot
 
 SETTINGS = AvoidanceSettings(dt=0.05)
 DT, STEPS = SETTINGS.dt, 110
@@ -117,3 +119,14 @@ def test_static_obstacles_keep_r_min_among_moving_ones(robot):
         least = least_on_way(robot.footprint.vertices, trace, DT, scene.lines)
         still = np.hypot(*scene.lines[:, 5:7].T) == 0.0
         assert least[:, still].min(initial=math.inf) >= 0.17 - EPSILON
+
+
+def test_a_fast_disc_that_samples_of_a_plan_miss():
+    """It comes 14.5 mm too near to the least bad plan, between two samples."""
+    limits = Limits(-0.3, 2.0, -0.5, 0.5, acceleration=2.0, angular_acceleration=6.0)
+    safety = SafetyFilter(Robot("cart", Robot.mir100().footprint, limits))
+    safety.reset(0.141044, 0.0)
+    disc, velocity = (3.797922, -1.160161, 0.0), (-3.253774, 0.825757)
+    seen = Obstacles(discs=[disc], disc_velocities=[velocity])
+    decision = safety.filter(-1.347313, 0.298209, seen)
+    assert decision.status is Status.RELAXED and 0.0135 < decision.shortfall < 0.03
