@@ -122,7 +122,7 @@ def test_static_obstacles_keep_r_min_among_moving_ones(robot):
 
 
 def test_a_fast_disc_that_samples_of_a_plan_miss():
-    """It comes 14.5 mm too near to the least bad plan, between two samples."""
+    """The disc comes 14.5 mm too near to the least bad plan, between two samples."""
     limits = Limits(-0.3, 2.0, -0.5, 0.5, acceleration=2.0, angular_acceleration=6.0)
     safety = SafetyFilter(Robot("cart", Robot.mir100().footprint, limits))
     safety.reset(0.141044, 0.0)
