@@ -33,7 +33,7 @@ MOST_ARROWS = 78
 """Pairs of rooms one of which imports the other; the lowest two floors do not count."""
 
 CEILINGS = {
-    "robot": 22_003,
+    "robot": 22_002,
     "cli": 1_178,
     "lab": 13_531,
     "comparisons": 7_341,

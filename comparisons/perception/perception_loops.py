@@ -113,7 +113,7 @@ def rooms(seed: int) -> Task:
 
 
 def to_and_fro(begin: Array, end: Array, speed: float, phase: float) -> Mover:
-    """Return a person who walks between two places, x, y, and rests at both.
+    """Return a person walking between two places (x, y, m), with a rest at both.
 
     ``phase``: s for which the person has walked at time 0.
     """

@@ -253,7 +253,7 @@ def occlusion(seed: int) -> Scene:
 
 
 def stop_and_go(seed: int) -> Scene:
-    """Return one person who walks, rests for 4 s, walks, and begins again after 4 s."""
+    """Return a person in a cycle: walk, rest, walk and absence, of 4 s each."""
     places = [(-3.2, 2.0, 0.0), (0.0, 2.0, 0.0), (0.0, 2.0, 0.0), (3.2, 2.0, 0.0)]
     walk = between((0.0, 4.0, 8.0, 12.0), places)
 

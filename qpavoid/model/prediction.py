@@ -6,7 +6,6 @@ candidates among discs of these velocities; QP, verdict and theorems keep the me
 ones: a wrong prediction does not weaken what they promise.
 """
 
-import math
 from collections.abc import Callable
 from typing import NamedTuple, TypeAlias
 
@@ -14,7 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.model.capsules import RADIUS, SIGMA, V_X, V_Y, X1, Y1
+from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.trail import relative
 from qpavoid.model.validation import finite_rows
 from qpavoid.settings import want
 from qpavoid.types import Array, Pose, Twist
@@ -92,10 +93,8 @@ class Prediction:
             InvalidInputError: The predictor did not return (n, 3) finite numbers with
                 σ ≥ 0.
         """
-        x, y, heading = pose
-        cos, sin = math.cos(heading), math.sin(heading)
-        origin = -cos * x - sin * y, sin * x - cos * y, -heading
-        world, capsules = seen.seen_from(origin), seen.capsules.copy()
+        world = seen.seen_from(relative(pose, (0.0, 0.0, 0.0)))
+        capsules = seen.capsules.copy()
         moving = world.is_disc & ((world.speeds > 0.0) | (capsules[:, SIGMA] > 0.0))
         discs = world.capsules[moving]
         self._follow(discs[:, X1 : Y1 + 1], discs[:, V_X : V_Y + 1])
@@ -108,10 +107,9 @@ class Prediction:
         found = finite_rows(told, 3, "what predict returns")
         want(len(found) == len(discs), "predict must return a row for every disc")
         want(bool((found[:, 2] >= 0.0).all()), "predict must not return a σ below 0")
-        v_x, v_y, sigma = found.T
-        capsules[moving, V_X] = cos * v_x + sin * v_y
-        capsules[moving, V_Y] = cos * v_y - sin * v_x
-        capsules[moving, SIGMA] = sigma
+        velocities = to_world(found[:, :2], (0.0, 0.0, -pose[2]))  # seen by the robot
+        capsules[moving, V_X : V_Y + 1] = velocities
+        capsules[moving, SIGMA] = found[:, 2]
         return Obstacles.of(seen.points, capsules)
 
     def _follow(self, places: Array, velocities: Array) -> None:

@@ -231,10 +231,11 @@ class Perception:
         self.enter(ranges, stamp, odometry, points, sensor, twist)
         return self.obstacles(stamp, odometry)
 
-    def enter(self, ranges: Any, stamp: Any, odometry: Any, *how: Any) -> None:
-        """Take a scan as :meth:`update` does; ``how``: points, sensor and twist."""
-        points, sensor, twist = how
-        time, pose = as_number(stamp, "stamp"), as_pose(odometry, "odometry")
+    def enter(
+        self, ranges: Any, stamp: Any, place: Any, points: Any, sensor: str, twist: Any
+    ) -> None:
+        """Take a scan as :meth:`update` does; ``place``: the pose by odometry."""
+        time, pose = as_number(stamp, "stamp"), as_pose(place, "odometry")
         want(max(map(abs, pose[:2])) < NEAREST, f"odometry is beyond {NEAREST:g} m")
         want(abs(time) < LATEST_STAMP, "a stamp is a number of seconds")
         lidar = self._lidar(sensor)

@@ -99,8 +99,8 @@ class Perceiver:
         v, omega = trail.twist_to(seen.stamp, pose).tolist()
         points = None if values is not None else seen.points - lidar.mount[:2]
         try:
-            given = values, seen.stamp, pose, points, topic, (v, omega)
-            self.perception.enter(*given)
+            scan = values, seen.stamp, pose, points
+            self.perception.enter(*scan, sensor=topic, twist=(v, omega))
         except InvalidInputError as error:
             return f"its echoes count as at rest: {error}"
         self.taken.add(topic)
