@@ -40,15 +40,15 @@ if TYPE_CHECKING:
     from qpavoid.lab.simulation.run import run
     from qpavoid.lab.study.metrics import metrics
     from qpavoid.model.contacts import Contacts
-    from qpavoid.model.estimate import VelocityEstimator
     from qpavoid.model.footprint import Footprint
     from qpavoid.model.obstacles import Obstacles
     from qpavoid.model.prediction import Tracks
     from qpavoid.model.robot import Limits, Robot
     from qpavoid.perception.perception import Perception
     from qpavoid.perception.settings import Lidar, PerceptionSettings
+    from qpavoid.qp.backends import back_end_names
     from qpavoid.qp.problem import FilterProblem, Solution, SolveStatus
-    from qpavoid.qp.solve import back_end_names, solve
+    from qpavoid.qp.solve import solve
 
     __version__: str
 
@@ -86,8 +86,7 @@ _HOME = {
     "Status": "avoidance.decision",
     "Tracks": "model.prediction",
     "UnknownNameError": "errors",
-    "VelocityEstimator": "model.estimate",
-    "back_end_names": "qp.solve",
+    "back_end_names": "qp.backends",
     "load_scenario": "lab.scenario.scenario",
     "make_controller": "lab.scenario.methods",
     "metrics": "lab.study.metrics",

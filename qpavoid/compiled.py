@@ -23,7 +23,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
-from qpavoid.cache import CacheFolder, say
 from qpavoid.errors import MissingExtraError
 from qpavoid.stamps import PACKAGE, source_stamp
 
@@ -246,14 +245,15 @@ def entry_if(check: Callable[..., bool]) -> Callable[[Callable[P, R]], Callable[
 
 def is_cached(function: Callable[..., Any]) -> bool:
     """Return whether a function's machine code is on disk for the next start."""
-    with suppress(MissingExtraError):
-        return _is_cached(function)
+    with suppress(Exception):  # no numba, no folder, a damaged file
+        return bool(function._cache._cache_file._load_index())  # type: ignore[attr-defined]
     return False
 
 
-def _is_cached(function: Callable[..., Any]) -> bool:
-    kept = getattr(function, "_cache", None)
-    return isinstance(kept, _Cache) and kept.folder.has_code()
+@cache
+def say(text: str) -> None:
+    """Print a message on standard error, once."""
+    print(f"qpavoid: {text}", file=sys.stderr, flush=True)
 
 
 # Each of the following uses a private part of numba. Where a version lacks one,
@@ -268,43 +268,31 @@ def _is_option(name: str) -> bool:
 
 
 class _Cache:
-    """numba's cache of a function with the files of :mod:`qpavoid.cache`."""
+    """numba's cache of a function, valid for the sources with a stamp alone."""
 
     def __init__(self, cache: Any, stamp: str) -> None:
-        self._cache, name = cache, cache._impl.filename_base
-        about = f"{stamp} {versions()}"
-        self.folder = CacheFolder(Path(cache.cache_path), name, about, _dumps)
-        if not hasattr(cache, "_cache_file"):
-            raise AttributeError("numba has no _cache_file")
-        cache._cache_file = self.folder
+        self.cache = cache
+        if not hasattr(cache._cache_file, "_source_stamp"):
+            raise AttributeError("numba has no _source_stamp")
+        cache._cache_file._source_stamp = stamp
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self._cache, name)
+        return getattr(self.cache, name)
 
     def load_overload(self, sig: Any, context: Any) -> Any:
         try:
-            return self._cache.load_overload(sig, context)
-        except Exception as error:  # of numba and LLVM: any
+            return self.cache.load_overload(sig, context)
+        except Exception as error:  # of pickle, numba and LLVM: any
             say(f"cached code cannot be used, compiling again: {error}")
+            with suppress(OSError):
+                self.cache.flush()
             return None
 
     def save_overload(self, sig: Any, code: Any) -> None:
         try:
-            self._cache.save_overload(sig, code)
+            self.cache.save_overload(sig, code)
         except OSError as error:
             say(f"compiled code cannot be saved; each start compiles: {error}")
-
-
-@cache
-def versions() -> str:
-    """Return the versions of the compilers."""
-    numba, llvmlite = import_module("numba"), import_module("llvmlite")
-    return f"numba {numba.__version__} llvmlite {llvmlite.__version__}"
-
-
-def _dumps(data: Any) -> bytes:
-    pickled: bytes = import_module("numba.core.serialize").dumps(data)
-    return pickled
 
 
 def _for_all_values(dispatcher: Any) -> None:

@@ -19,7 +19,6 @@ from qpavoid.errors import InvalidInputError
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.planning.planner import PlannerSettings
 from qpavoid.lab.sensing.lidar import LidarSettings
-from qpavoid.model.estimate import EstimatorSettings
 from qpavoid.model.robot import Limits
 from qpavoid.perception.settings import PerceptionSettings
 from qpavoid.settings import (
@@ -83,7 +82,7 @@ NEEDED = {
 }
 SETTINGS = [
     *(SafetyRadius, Repulsion, Margins, Actuation, LookAhead, AvoidanceSettings),
-    *(Freshness, GuideSettings, EstimatorSettings, Waiting, StationKeeping, *NEEDED),
+    *(Freshness, GuideSettings, Waiting, StationKeeping, *NEEDED),
     *(PlannerSettings, PerceptionSettings, LidarSettings),
 ]
 

@@ -7,7 +7,7 @@ from functools import cache
 from places import COMPARISONS, ROOT
 
 ROBOT = (
-    {"errors", "types", "cache", "stamps"},
+    {"errors", "types", "stamps"},
     {"compiled", "settings", "files"},
     {"model", "qp"},
     {"tracking", "perception"},

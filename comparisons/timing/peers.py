@@ -10,16 +10,13 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
-from qpavoid.qp.backend_osqp import SETTINGS, OSQPBackEnd
-from qpavoid.qp.backend_qpsolvers import TIGHT
+from qpavoid.qp.backends import BACK_ENDS, PIQP, BackEnd, BackEndEntry
 from qpavoid.qp.problem import ScaledProblem
-from qpavoid.qp.solve import BACK_ENDS, BackEnd, BackEndEntry
 from qpavoid.types import Array
 
 
@@ -181,10 +178,12 @@ class Cbfpy(Workspace):
 
 def _entry(kind: Callable[..., BackEnd], module: str, settings: Any) -> BackEndEntry:
     extra = "quadprog" if module == "quadprog" else "bench"
-    return BackEndEntry(partial(kind, settings), module, extra)
+    return BackEndEntry(kind, module, extra, settings)
 
 
-LOOSE: dict[str, Any] = {**SETTINGS, "eps_abs": 1e-6, "eps_rel": 1e-6}
+OSQP = BACK_ENDS["osqp"]
+
+LOOSE: dict[str, Any] = {**OSQP.settings, "eps_abs": 1e-6, "eps_rel": 1e-6}
 """OSQP's settings with a tolerance of 1e-6."""
 
 CBFPY: Mapping[str, Any] = {"backend": "elastiqp", "solver_tol": 1e-8}
@@ -192,12 +191,12 @@ CBFPY: Mapping[str, Any] = {"backend": "elastiqp", "solver_tol": 1e-8}
 
 CONTENDERS: dict[str, BackEndEntry] = {
     "exact": BACK_ENDS["exact"],
-    "daqp": _entry(Daqp, "daqp", TIGHT["daqp"]),
+    "daqp": _entry(Daqp, "daqp", BACK_ENDS["qpsolvers:daqp"].settings),
     "daqp default": _entry(Daqp, "daqp", {}),
-    "osqp": BACK_ENDS["osqp"],
-    "osqp 1e-6": _entry(OSQPBackEnd, "osqp", LOOSE),
-    "osqp default": _entry(OSQPBackEnd, "osqp", {"verbose": False}),
-    "piqp": _entry(Piqp, "piqp", TIGHT["piqp"]),
+    "osqp": OSQP,
+    "osqp 1e-6": OSQP._replace(settings=LOOSE),
+    "osqp default": OSQP._replace(settings={"verbose": False}),
+    "piqp": _entry(Piqp, "piqp", PIQP),
     "quadprog": _entry(Quadprog, "quadprog", {}),
     **{name: entry for name, entry in BACK_ENDS.items() if name.startswith("casadi:")},
     **{name: entry for name, entry in BACK_ENDS.items() if name.startswith("qpsolv")},

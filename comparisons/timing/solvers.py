@@ -20,13 +20,18 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from qpavoid.errors import MissingExtraError, QPAvoidError, UnknownNameError
-from qpavoid.qp.solve import BackEnd, find_back_end
+from qpavoid.qp.backends import BackEnd, BackEndEntry, find_back_end
 from timing.peers import CONTENDERS
 from timing.recorded import record_problems
 from timing.tables import pivot, write_tables
 from timing.trials import FULL, QUICK, Case, Plan, Row, of_back_end, race
 
 ROWS = (5, 20, 100, 1000)
+
+
+def contender(name: str) -> BackEndEntry:
+    """Return a contender, or a back end of that name."""
+    return CONTENDERS[name] if name in CONTENDERS else find_back_end(name)
 
 
 def installed(names: Sequence[str]) -> dict[str, BackEnd]:
@@ -38,14 +43,12 @@ def installed(names: Sequence[str]) -> dict[str, BackEnd]:
     """
     found = {}
     for name in names or CONTENDERS:
-        if name not in CONTENDERS:
-            found[name] = find_back_end(name).load()
-            continue
+        entry = contender(name)
         try:
-            found[name] = CONTENDERS[name].load()
+            found[name] = entry.load()
         except (ImportError, UnknownNameError):  # qpsolvers knows what is installed
             if names:
-                raise MissingExtraError(name, CONTENDERS[name].extra) from None
+                raise MissingExtraError(name, entry.extra) from None
             print(f"not installed: {name}")
     return found
 
@@ -61,7 +64,7 @@ def bench(out: Path, plan: Plan, names: Sequence[str] = ()) -> str:
         contenders = {name: of_back_end(one) for name, one in back_ends.items()}
         for name, row in race(contenders, cases, plan).items():
             table.append({"solver": name, "rows": rows, **row})
-        settings = {name: getattr(x, "settings", {}) for name, x in back_ends.items()}
+        settings = {name: dict(contender(name).settings) for name in back_ends}
         write_tables(out, {"solvers": table}, plan, settings=settings)
     return pivot(table, "solver", "rows", "daqp")
 

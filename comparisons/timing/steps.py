@@ -22,8 +22,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import qpavoid as qp
+from qpavoid.qp.backends import BackEnd
 from qpavoid.qp.problem import ScaledProblem
-from qpavoid.qp.solve import BackEnd
 from qpavoid.types import Array
 from timing import trials
 from timing.exported import step_times

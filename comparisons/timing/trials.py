@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from qpavoid.qp.solve import BackEnd
+from qpavoid.qp.backends import BackEnd
 from qpavoid.types import Array
 
 Value: TypeAlias = str | int | float | None
@@ -108,8 +108,8 @@ def of_back_end(back_end: BackEnd) -> Contender:
     """
 
     def read(answer: Array) -> Array:
-        program = getattr(back_end, "last", None)
-        failed = program is not None and not program.buffer.stats()["success"]
+        buffer = getattr(back_end, "buffer", None)
+        failed = buffer is not None and not buffer.stats()["success"]
         return np.full_like(answer, math.nan) if failed else answer
 
     return Contender(back_end, read)

@@ -54,9 +54,10 @@ from qpavoid.model.footprint import Footprint
 from qpavoid.model.given import NO_CAPSULES, NO_POINTS
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import UNLIMITED_TWIST, Robot, braking_twist
+from qpavoid.qp.backends import BackEnd, find_back_end
 from qpavoid.qp.exact import ROW_OWNER, B
 from qpavoid.qp.problem import FilterProblem, SolveStatus
-from qpavoid.qp.solve import BackEnd, load_back_end, solve
+from qpavoid.qp.solve import solve
 from qpavoid.settings import want
 from qpavoid.types import Array, Arrays, Pair
 
@@ -227,7 +228,7 @@ def setup_of(robot: Robot, settings: AvoidanceSettings) -> Setup:
 
 def named_back_end(solver: str) -> BackEnd | None:
     """Return the back end of a name; None for ``exact``."""
-    return None if solver == "exact" else load_back_end(solver)
+    return None if solver == "exact" else find_back_end(solver).load()
 
 
 def as_decision(outcome: tuple[Any, ...], started: float) -> Decision:

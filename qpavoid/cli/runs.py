@@ -56,7 +56,7 @@ def _simulate(configs: Sequence[str], names: Sequence[str], options: Namespace) 
     from qpavoid.lab.scenario.scenario import load_scenario
     from qpavoid.lab.study.compare import compare, table
     from qpavoid.lab.study.plots import save_figures
-    from qpavoid.qp.solve import find_back_end
+    from qpavoid.qp.backends import find_back_end
 
     check_named(names)
     find_back_end(options.backend)
@@ -99,7 +99,7 @@ def _listed(kind: str) -> dict[str, str]:
         every = (methods() | STAGES).items()
         return {k: text + _wanted(missing_extra(k)) for k, text in every}
     if kind == "backends":
-        from qpavoid.qp.solve import BACK_ENDS, back_end_names, is_installed
+        from qpavoid.qp.backends import BACK_ENDS, back_end_names, is_installed
 
         there = {name: is_installed(name) for name in back_end_names()}
         return {

@@ -1,20 +1,14 @@
-"""One call for all back ends: relax if infeasible, solve, certify. Their registry."""
+"""One call for all back ends: relax if infeasible, solve, certify."""
 
 import math
-from collections.abc import Callable
-from functools import partial
-from importlib import import_module
-from importlib.util import find_spec
-from pathlib import Path
 from time import perf_counter
-from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from qpavoid.errors import InvalidInputError, MissingExtraError, UnknownNameError
+from qpavoid.errors import InvalidInputError
+from qpavoid.qp.backends import BackEnd, find_back_end
 from qpavoid.qp.exact import least_slack, nearest_point, relaxation, solve_exactly
-from qpavoid.qp.problem import FilterProblem, ScaledProblem, Solution, SolveStatus
-from qpavoid.types import Array
+from qpavoid.qp.problem import FilterProblem, Solution, SolveStatus
 
 RESIDUAL_TOLERANCE = 1e-6
 """Greatest violation (m/s) and suboptimality of a certified answer."""
@@ -28,111 +22,6 @@ ACTIVE = 1e-7
 
 SLACK_TOLERANCE = 1e-3
 """m/s; see :func:`qpavoid.qp.exact.relaxation`."""
-
-
-class BackEnd(Protocol):
-    """Solver of feasible scaled problems; it may keep its workspace between calls."""
-
-    def __call__(self, problem: ScaledProblem) -> Array:
-        """Return z; anything, NaN too, if the solver failed: it is certified."""
-        ...
-
-
-class BackEndEntry(NamedTuple):
-    """Registry entry of a back end: loader, required module, extra that installs it."""
-
-    load: Callable[[], BackEnd]
-    module: str
-    extra: str
-
-
-def _exact() -> BackEnd:
-    def project(problem: ScaledProblem) -> Array:
-        target_1, target_2 = problem.target.tolist()
-        p = nearest_point(problem.table, target_1, target_2, 0.0)
-        return np.array([p.z_1, p.z_2] if p.found else [math.nan, math.nan])
-
-    return project
-
-
-def _load(kind: str, *solver: str) -> BackEnd:
-    """Return a fresh ``BACK_END`` of the module ``qpavoid.qp.backend_kind``."""
-    made: BackEnd = import_module(f"qpavoid.qp.backend_{kind}").BACK_END(*solver)
-    return made
-
-
-BACK_ENDS = {
-    "exact": BackEndEntry(_exact, "numpy", ""),
-    "osqp": BackEndEntry(partial(_load, "osqp"), "osqp", ""),
-    "casadi": BackEndEntry(partial(_load, "casadi", "qrqp"), "casadi", ""),
-    **{
-        f"casadi:{plugin}": BackEndEntry(partial(_load, "casadi", plugin), "casadi", "")
-        for plugin in ("qrqp", "osqp", "daqp", "piqp")
-    },
-    **{
-        f"qpsolvers:{name}": BackEndEntry(
-            partial(_load, "qpsolvers", name), module, extra
-        )
-        for name, module, extra in (
-            ("daqp", "daqp", ""),
-            ("osqp", "osqp", ""),
-            ("piqp", "piqp", "piqp"),
-            ("proxqp", "proxsuite", "proxqp"),
-            ("clarabel", "clarabel", "clarabel"),
-            ("highs", "highspy", "highs"),
-            ("scs", "scs", "scs"),
-            ("quadprog", "quadprog", "quadprog"),
-        )
-    },
-}
-_MODULES = {
-    file.stem.removeprefix("backend_")
-    for file in Path(__file__).parent.glob("backend_*.py")
-}
-BACK_ENDS |= {
-    kind: BackEndEntry(partial(_load, kind), kind, kind)
-    for kind in sorted(_MODULES - {name.partition(":")[0] for name in BACK_ENDS})
-}
-"""All back ends by name. A module ``backend_NAME`` that is not named above is a back
-end of that name, package and extra."""
-
-
-def back_end_names() -> tuple[str, ...]:
-    """Return the names of all back ends, installed or not; the first is the default.
-
-    In addition ``qpsolvers:<name>`` is any other solver that qpsolvers finds.
-    """
-    return tuple(BACK_ENDS)
-
-
-def is_installed(name: str) -> bool:
-    """Return whether a back end's package is installed, without importing it."""
-    return find_spec(BACK_ENDS[name].module) is not None
-
-
-def find_back_end(name: str) -> BackEndEntry:
-    """Return the entry of a known and installed back end.
-
-    Raises:
-        UnknownNameError: No such back end; the message lists them.
-        MissingExtraError: Its package is absent; the message names the extra.
-    """
-    kind, _, solver = name.partition(":")
-    if kind == "qpsolvers" and name not in BACK_ENDS:
-        import qpsolvers
-
-        if solver in qpsolvers.available_solvers:
-            return BackEndEntry(partial(_load, "qpsolvers", solver), "qpsolvers", "")
-    if name not in BACK_ENDS:
-        raise UnknownNameError("back end", name, BACK_ENDS)
-    if not is_installed(name):
-        raise MissingExtraError(f"back end {name!r}", BACK_ENDS[name].extra)
-    return BACK_ENDS[name]
-
-
-def load_back_end(name: str) -> BackEnd:
-    """Return a fresh back end by name; errors as :func:`find_back_end`."""
-    return find_back_end(name).load()
 
 
 def solve(
@@ -158,8 +47,7 @@ def solve(
     """
     if not 0.0 < slack_tolerance < math.inf:
         raise InvalidInputError("slack_tolerance must be positive")
-    name = solver if isinstance(solver, str) else type(solver).__name__
-    back_end = load_back_end(solver) if isinstance(solver, str) else solver
+    back_end = find_back_end(solver).load() if isinstance(solver, str) else solver
     started = perf_counter()
     slack = required_slack(problem)
     relaxed = problem
@@ -180,7 +68,7 @@ def solve(
         violation=violation,
         suboptimality=suboptimality,
         active=tuple(np.flatnonzero(gap <= ACTIVE).tolist()) if holds else (),
-        solver=name,
+        solver=solver if isinstance(solver, str) else type(solver).__name__,
         solve_time_s=solve_time,
     )
 

@@ -10,8 +10,9 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.model.robot import limit_twist
+from qpavoid.qp.backends import find_back_end
 from qpavoid.qp.problem import SolveStatus
-from qpavoid.qp.solve import load_back_end, solve
+from qpavoid.qp.solve import solve
 
 SETTINGS = AvoidanceSettings(dt=0.05)
 SOLVED = (Status.TRACKING, Status.FILTERED, Status.RELAXED)
@@ -55,7 +56,7 @@ def off(problem, solver, robot, steps):
 def test_the_solution_of_the_problem_is_the_decision(robot, ahead):
     """Exactly, and that of every back end to what it promises, where it has one."""
     names = ("osqp", "qpsolvers:daqp", "casadi:daqp")
-    back_ends = {name: load_back_end(name) for name in names}
+    back_ends = {name: find_back_end(name).load() for name in names}
     seen, wrong, failed, asked = set(), [], 0, 0
     for decisions, problems in sequences(robot, ahead, 60, 1):
         last = (0.0, 0.0)

@@ -8,7 +8,7 @@ import pytest
 
 from oracles import large_answer
 from qpavoid import Robot, SafetyFilter
-from qpavoid.qp.solve import load_back_end
+from qpavoid.qp.backends import find_back_end
 from timing import solvers, steps
 from timing.recorded import CLEAR, as_problem, polished, record_problems, record_scans
 from timing.trials import (
@@ -90,7 +90,7 @@ def test_liars_refusers_and_raisers_are_found_out(bank):
     def raising(problem):
         raise RuntimeError("no")
 
-    exact = load_back_end("exact")
+    exact = find_back_end("exact").load()
     contenders = {
         "exact": of_back_end(exact),
         "liar": contend(lambda problem: np.nan_to_num(exact(problem)) + 1e-3),

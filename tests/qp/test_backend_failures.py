@@ -13,14 +13,14 @@ from problem_bank import qp
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.errors import MissingExtraError, UnknownNameError
-from qpavoid.qp.problem import SolveStatus
-from qpavoid.qp.solve import (
+from qpavoid.qp.backends import (
     BACK_ENDS,
     back_end_names,
+    find_back_end,
     is_installed,
-    load_back_end,
-    solve,
 )
+from qpavoid.qp.problem import SolveStatus
+from qpavoid.qp.solve import solve
 
 
 class Raises:
@@ -65,7 +65,9 @@ def test_a_wrong_answer_is_a_failed_solution(bad):
 @misbehaved
 def test_a_wrong_answer_never_leaves_the_filter(bad, robot, monkeypatch):
     """The robot brakes and says so, and is right again with the next good answer."""
-    monkeypatch.setitem(BACK_ENDS, "osqp", BACK_ENDS["osqp"]._replace(load=lambda: bad))
+    monkeypatch.setitem(
+        BACK_ENDS, "osqp", BACK_ENDS["osqp"]._replace(make=lambda settings: bad)
+    )
     for ahead in (False, True):
         safety = SafetyFilter(robot, solver="osqp", ahead=ahead)
         decision = safety.filter(0.8, 0.0, points=[[0.80, 0.05]])
@@ -123,9 +125,9 @@ class Moody:
 
 
 def test_each_call_is_judged_alone(robot, monkeypatch):
-    moody = Moody(load_back_end("osqp"))
+    moody = Moody(find_back_end("osqp").load())
     monkeypatch.setitem(
-        BACK_ENDS, "osqp", BACK_ENDS["osqp"]._replace(load=lambda: moody)
+        BACK_ENDS, "osqp", BACK_ENDS["osqp"]._replace(make=lambda settings: moody)
     )
     safety = SafetyFilter(robot, solver="osqp", ahead=False)
     statuses = [safety.filter(0.8, 0.0, points=[[0.85, 0.0]]).status for _ in range(6)]
@@ -144,7 +146,7 @@ def test_unknown_names_are_suggested_for(robot):
 
 @pytest.mark.parametrize("name", back_end_names()[1:])
 def test_an_absent_package_names_what_installs_it(name, monkeypatch):
-    monkeypatch.setattr("qpavoid.qp.solve.find_spec", lambda module: None)
+    monkeypatch.setattr("qpavoid.qp.backends.find_spec", lambda module: None)
     assert not is_installed(name)
     with pytest.raises(MissingExtraError) as caught:
         solve(qp(), name)

@@ -10,13 +10,9 @@ from numpy.testing import assert_allclose
 
 from problem_bank import CASES, arc_of_points, qp, random_problem, ring
 from qpavoid.errors import UnknownNameError
+from qpavoid.qp.backends import back_end_names, find_back_end, is_installed
 from qpavoid.qp.problem import SolveStatus
-from qpavoid.qp.solve import (
-    back_end_names,
-    is_installed,
-    load_back_end,
-    solve,
-)
+from qpavoid.qp.solve import solve
 
 SHIPPED = (
     *("exact", "osqp", "casadi", "casadi:qrqp", "casadi:osqp", "casadi:daqp"),
@@ -84,7 +80,7 @@ def test_problem_bank(name, case):
 @others
 def test_a_workspace_is_reused_while_rows_come_and_go(name):
     """One object for rows growing and shrinking; right every time."""
-    back_end, rng = load_back_end(name), np.random.default_rng(11)
+    back_end, rng = find_back_end(name).load(), np.random.default_rng(11)
     for rows in (0, 3, 40, 2, 100, 0, 1, 7, 4, 5, 8, 9, 1, 130, 3):
         problem = qp(*ring(rows, 0.05, rows)) if rows else qp(desired=(2.0, 0.3))
         for desired in (rng.normal(size=2), rng.normal(size=2)):
@@ -96,7 +92,7 @@ def test_a_workspace_is_reused_while_rows_come_and_go(name):
 @others
 def test_random_problems_with_one_workspace(name):
     """Harder than any robot's: weights 1000 : 1, slivers. Few may fail, none lie."""
-    back_end, rng = load_back_end(name), np.random.default_rng(12)
+    back_end, rng = find_back_end(name).load(), np.random.default_rng(12)
     failed = 0
     for _ in range(60):
         problem = random_problem(rng)
@@ -109,7 +105,7 @@ def test_random_problems_with_one_workspace(name):
 @pytest.mark.parametrize("name", [slow_at_nonsense(n) for n in NAMES[1:]])
 def test_right_again_after_nonsense(name):
     """NaN, infinities and an infeasible problem leave nothing behind."""
-    back_end, good = load_back_end(name), qp(*arc_of_points(5))
+    back_end, good = find_back_end(name).load(), qp(*arc_of_points(5))
     exact = solve(good)
     check(solve(good, back_end), (exact.u, exact.slack), name)
     for normals, offsets, target in (
@@ -133,7 +129,7 @@ def test_right_again_after_nonsense(name):
 
 @others
 def test_objects_do_not_disturb_each_other(name):
-    first, second = load_back_end(name), load_back_end(name)
+    first, second = find_back_end(name).load(), find_back_end(name).load()
     one, other = qp(*ring(6, 0.05, 1)), qp(*ring(3, 0.05, 2))
     for problem, back_end in ((one, first), (other, second)) * 3:
         exact = solve(problem)
@@ -155,8 +151,8 @@ def test_any_solver_that_qpsolvers_finds_is_taken(monkeypatch):
     monkeypatch.setattr(
         qpsolvers, "solve_qp", lambda *args, lb, ub, solver: np.array([0.1, 0.2])
     )
-    back_end = load_back_end("qpsolvers:brand_new")
+    back_end = find_back_end("qpsolvers:brand_new").load()
     problem = qp([[-1.0, 0.3]], [-0.2])
     np.testing.assert_array_equal(back_end(problem.scaled()), [0.1, 0.2])
     with pytest.raises(UnknownNameError, match="qpsolvers:older"):
-        load_back_end("qpsolvers:older")
+        find_back_end("qpsolvers:older")

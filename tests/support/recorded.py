@@ -24,7 +24,6 @@ from qpavoid import AvoidanceSettings, Guide, Obstacles, Robot, SafetyFilter
 from qpavoid.avoidance.settings import Actuation, LookAhead, Margins, SafetyRadius
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.model.contacts import Contacts
-from qpavoid.model.estimate import VelocityEstimator
 from qpavoid.model.kinematics import integrate
 from qpavoid.qp.problem import FilterProblem
 from qpavoid.qp.solve import required_slack, solve
@@ -224,20 +223,7 @@ def contacts() -> list[list[float]]:
     return rows
 
 
-def estimates() -> list[list[float]]:
-    """Return velocities of what is seen at random times, by noisy positions."""
-    rng, rows, estimator, time = np.random.default_rng(10), [], VelocityEstimator(), 0.0
-    velocity = rng.normal(size=(4, 2))
-    for _ in range(60):
-        time += rng.exponential(0.1)
-        seen = np.flatnonzero(rng.random(4) < 0.8)
-        noisy = velocity[seen] * time + 0.03 * rng.normal(size=(len(seen), 2))
-        found = estimator.update(time, seen.tolist(), noisy)
-        rows.append([float(np.sum(part)) for part in found])
-    return rows
-
-
-PARTS = {"problems": problems, "contacts": contacts, "estimates": estimates}
+PARTS = {"problems": problems, "contacts": contacts}
 
 
 def recorded() -> dict[str, list[float]]:

@@ -26,7 +26,7 @@ from qpavoid.lab.planning.grid import SEARCHES
 from qpavoid.lab.scenario.plug_ins import load_object, source_of
 from qpavoid.lab.scenario.scenario import Scenario
 from qpavoid.model.robot import Robot
-from qpavoid.qp.solve import find_back_end
+from qpavoid.qp.backends import find_back_end
 
 Factory: TypeAlias = Callable[..., Controller]
 

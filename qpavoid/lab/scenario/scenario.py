@@ -27,7 +27,6 @@ from qpavoid.lab.worlds.barn import START, find_folder, read_path, read_world
 from qpavoid.lab.worlds.map_server import find_map, read_map
 from qpavoid.lab.worlds.points import read_points
 from qpavoid.lab.worlds.source import data_roots
-from qpavoid.model.estimate import EstimatorSettings
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
@@ -72,7 +71,6 @@ class Scenario:
         localisation: How the robot knows where it is; None: exactly.
         sensor: Sees the obstacles in place of the LiDAR; has ``start()``, as a LiDAR.
         plant: What its wheels make of a twist; None: just that.
-        estimation: How velocities of discs are estimated; None: they are given.
         guide: Of the stage after tracking; None: there is none.
         planner: Settings of the global planner, for methods that have one.
         waiting: When the reference waits for a robot that is held up.
@@ -97,7 +95,6 @@ class Scenario:
     duration: float
     dt: float
     waiting: Waiting = NEVER
-    estimation: EstimatorSettings | None = None
     sight: float = math.inf
     lidar: LidarSettings | None = None
     perception: PerceptionSettings = field(default_factory=PerceptionSettings)
@@ -211,7 +208,6 @@ def _single(
         "settings": ("filter", lambda: make_settings(model)),
         "guide": ("guide", lambda: model.guide and model.guide()),
         "planner": ("planner", model.planner),
-        "estimation": ("estimation", lambda: model.estimation and model.estimation()),
         "lidar": ("lidar", lambda: model.lidar and model.lidar(seed=model.seed)),
         "perception": ("perception", model.perception),
         "localisation": ("localisation", lambda: make_localisation(model)),

@@ -26,7 +26,6 @@ from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
 from qpavoid.lab.sensing.physics import Patch, Physics
 from qpavoid.lab.sensing.plant import Plant
-from qpavoid.model.estimate import EstimatorSettings
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits
 from qpavoid.perception.settings import PerceptionSettings
@@ -456,7 +455,6 @@ class ScenarioModel(Strict):
         margins: What may be wrong about an obstacle.
         ahead: How far ahead the look-ahead sees.
         actuation: What the base does to a twist.
-        estimation: Velocities of discs are estimated from their positions, not known.
         guide: A stage that weighs the next seconds; ``+guide`` turns it on too.
         planner: Of ``astar+`` and ``dijkstra+``.
         sight_m: What is farther away is not seen.
@@ -482,7 +480,6 @@ class ScenarioModel(Strict):
     reference: ReferenceModel | None = None
     tracking: TrackingModel = TrackingModel()
     filter: FilterModel = FilterModel()
-    estimation: Table[EstimatorSettings] | None = None
     guide: Table[GuideSettings] | None = None
     planner: Table[PlannerSettings] = absent(PlannerSettings)
     sight_m: Annotated[float, Field(gt=0)] = float("inf")

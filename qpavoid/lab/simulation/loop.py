@@ -26,9 +26,8 @@ from qpavoid.lab.simulation.clearance import (
 )
 from qpavoid.lab.simulation.log import LogRow
 from qpavoid.lab.simulation.outcome import differs
-from qpavoid.model.capsules import PIVOT_X, V_X, V_Y, X1, X2, Y1, greatest_speed, like
+from qpavoid.model.capsules import greatest_speed, like
 from qpavoid.model.contacts import contact_at, contact_table, empty_contacts
-from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
 from qpavoid.model.kinematics import integrate
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import GREATEST, limit_twist, limits_of
@@ -37,13 +36,11 @@ from qpavoid.types import Array, Pose, Twist
 
 
 def make_sensor(scenario: Scenario) -> Sensor:
-    """Return what sees the obstacles: a LiDAR, an estimator, or the truth."""
+    """Return the sensor of a run: a LiDAR, or obstacles known exactly within sight."""
     if scenario.sensor is not None:
         return scenario.sensor.start()
     if scenario.lidar is not None:
         return scanner(scenario.robot, scenario.lidar, scenario.perception)
-    if scenario.estimation is not None:
-        return _estimator(scenario.estimation)
     if scenario.sight == math.inf:
         return lambda time, obstacles, pose: obstacles.seen_from(pose)
     sight = scenario.sight
@@ -64,22 +61,6 @@ def make_plant(scenario: Scenario) -> Callable[[float, float, float], Drive]:
     if isinstance(scenario.plant, Physics):
         return scenario.plant.start(scenario.start)
     return scenario.plant.start()
-
-
-def _estimator(settings: EstimatorSettings) -> Sensor:
-    """Return a Kalman filter of the velocities of discs; all else is known exactly."""
-    estimator = VelocityEstimator(settings)
-
-    def see(time: float, obstacles: Obstacles, pose: Pose) -> Obstacles:
-        discs, capsules = obstacles.is_disc, obstacles.capsules.copy()
-        places = capsules[discs, X1 : Y1 + 1]
-        motion = estimator.update(time, range(len(places)), places)
-        for begin in (X1, X2, PIVOT_X):
-            capsules[discs, begin : begin + 2] = motion.positions
-        capsules[discs, V_X : V_Y + 1] = motion.velocities
-        return Obstacles.of(obstacles.points, capsules).seen_from(pose)
-
-    return see
 
 
 CALM = 0.5

@@ -329,8 +329,8 @@ def test_what_does_not_fit_together_is_what_python_refuses(browser, config, tmp_
 
 
 def test_what_is_not_played_is_said(config):
-    config.write_text(PARKED + "[estimation]\nnoise_m = 0.1\n")
-    assert scene(str(config))["left_out"] == ["estimation"]
+    config.write_text("sight_m = 9.0\n" + PARKED)
+    assert scene(str(config))["left_out"] == ["sight_m"]
     config.write_text(PARKED + "[lidar]\nfade = 0.1\n")
     assert scene(str(config))["left_out"] == ["fade"]
 

@@ -20,7 +20,6 @@ from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
 from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.study.sweep.study import StudyModel
-from qpavoid.model.estimate import EstimatorSettings
 from qpavoid.perception.settings import PerceptionSettings
 from qpavoid.tracking.kanayama import Gains
 
@@ -66,7 +65,6 @@ def test_every_key_is_there_with_its_default():
 ALL_TABLES = """
 [plant]
 [lidar]
-[estimation]
 [guide]
 [localisation]
 kind = "%s"
@@ -78,7 +76,6 @@ def test_empty_tables_are_the_defaults_of_python(tmp_path, kind):
     name = "uwb" if kind is Uwb else "motion_capture"
     scenario = load_scenario(write(tmp_path, MINIMAL + ALL_TABLES % name))
     assert scenario.plant == Plant() and scenario.lidar == LidarSettings()
-    assert scenario.estimation == EstimatorSettings()
     assert scenario.guide == GuideSettings()
     assert scenario.planner == PlannerSettings()
     assert scenario.perception == PerceptionSettings()
