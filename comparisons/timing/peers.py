@@ -181,9 +181,7 @@ def _entry(kind: Callable[..., BackEnd], module: str, settings: Any) -> BackEndE
     return BackEndEntry(kind, module, extra, settings)
 
 
-OSQP = BACK_ENDS["osqp"]
-
-LOOSE: dict[str, Any] = {**OSQP.settings, "eps_abs": 1e-6, "eps_rel": 1e-6}
+LOOSE: dict[str, Any] = {**BACK_ENDS["osqp"].settings, "eps_abs": 1e-6, "eps_rel": 1e-6}
 """OSQP's settings with a tolerance of 1e-6."""
 
 CBFPY: Mapping[str, Any] = {"backend": "elastiqp", "solver_tol": 1e-8}
@@ -193,9 +191,9 @@ CONTENDERS: dict[str, BackEndEntry] = {
     "exact": BACK_ENDS["exact"],
     "daqp": _entry(Daqp, "daqp", BACK_ENDS["qpsolvers:daqp"].settings),
     "daqp default": _entry(Daqp, "daqp", {}),
-    "osqp": OSQP,
-    "osqp 1e-6": OSQP._replace(settings=LOOSE),
-    "osqp default": OSQP._replace(settings={"verbose": False}),
+    "osqp": BACK_ENDS["osqp"],
+    "osqp 1e-6": BACK_ENDS["osqp"]._replace(settings=LOOSE),
+    "osqp default": BACK_ENDS["osqp"]._replace(settings={"verbose": False}),
     "piqp": _entry(Piqp, "piqp", PIQP),
     "quadprog": _entry(Quadprog, "quadprog", {}),
     **{name: entry for name, entry in BACK_ENDS.items() if name.startswith("casadi:")},

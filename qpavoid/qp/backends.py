@@ -142,19 +142,19 @@ class Casadi:
         size = capacity(problem)
         if size not in self._programs:
             self._programs[size] = self._program(size, n)
-        arguments, z, self.buffer, evaluate = self._programs[size]
-        p = arguments["p"]
+        memory, self.buffer, evaluate = self._programs[size]
+        p, z = memory["p"], memory["x"]
         p[:], p[-size:] = 0.0, -1.0
         p[:n], p[n : n + n * rows] = problem.target, problem.normals.ravel()
         p[n + n * size :][:rows] = problem.offsets
-        arguments["lbx"][:], arguments["ubx"][:] = problem.lower, problem.upper
-        arguments["x0"][:] = np.clip(problem.target, problem.lower, problem.upper)
+        memory["lbx"][:], memory["ubx"][:] = problem.lower, problem.upper
+        memory["x0"][:] = np.clip(problem.target, problem.lower, problem.upper)
         z[:] = np.nan
         evaluate()
         return np.array(z)
 
     def _program(self, rows: int, n: int) -> tuple[Any, ...]:
-        """Return arguments, answer, buffer and call of the symbolic problem."""
+        """Return memory by name, buffer and call of the symbolic problem."""
         import casadi as ca
 
         z, target = ca.SX.sym("z", n), ca.SX.sym("target", n)
@@ -169,12 +169,13 @@ class Casadi:
         function = ca.qpsol("projection", self._plugin, problem, options)
         buffer, evaluate = function.buffer()
         sizes = {"x0": n, "p": n + (n + 1) * rows, "lbx": n, "ubx": n, "lbg": rows}
-        arguments = {name: np.zeros(size) for name, size in sizes.items()}
-        arguments["ubg"], answer = np.full(rows, np.inf), np.zeros(n)
-        for name, array in arguments.items():
+        memory = {name: np.zeros(size) for name, size in sizes.items()}
+        memory["ubg"] = np.full(rows, np.inf)
+        for name, array in memory.items():
             buffer.set_arg(function.index_in(name), memoryview(array.data))
-        buffer.set_res(function.index_out("x"), memoryview(answer.data))
-        return arguments, answer, buffer, evaluate
+        memory["x"] = np.zeros(n)
+        buffer.set_res(function.index_out("x"), memoryview(memory["x"].data))
+        return memory, buffer, evaluate
 
 
 def qpsolvers(name: str, settings: Settings) -> BackEnd:
