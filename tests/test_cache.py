@@ -124,12 +124,6 @@ def test_a_read_only_installation_keeps_its_cache_with_the_user(install, tmp_pat
     assert list(home.rglob("*.nbc"))
 
 
-def test_a_cache_folder_that_cannot_be_made_is_passed_over(install, tmp_path):
-    bar(tmp_path / "barred")
-    finish(first_start(install, cache=tmp_path / "barred" / "cache"))
-    assert COMPILING not in finish(first_start(install, tmp_path / "barred" / "cache"))
-
-
 def test_where_nothing_can_be_written_every_start_compiles(install, tmp_path):
     for folder in [p for p in (install / "qpavoid").rglob("*") if p.is_dir()]:
         bar(folder / "__pycache__")

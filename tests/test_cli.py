@@ -240,19 +240,6 @@ def test_a_terminal_without_greek_letters(config, tmp_path):
     assert "? max rad/s" in done.stdout and "Traceback" not in done.stderr
 
 
-def test_an_out_folder_that_cannot_be_made(config, tmp_path, capsys):
-    (tmp_path / "file").write_text("in the way")
-    out = tmp_path / "file" / "out"
-    assert main(["compare", str(config), "--out", str(out)]) == 1
-    assert "qpavoid: " in capsys.readouterr().err
-
-
-def test_an_absent_back_end_names_its_extra(config, capsys, monkeypatch):
-    monkeypatch.setattr("qpavoid.qp.solve.find_spec", lambda name: None)
-    assert main(["compare", str(config), "--backend", "qpsolvers:piqp"]) == 1
-    assert "pip install 'qpavoid[piqp]'" in capsys.readouterr().err
-
-
 def test_interrupted_keeps_what_is_finished(tmp_path):
     config = tmp_path / "long.toml"
     config.write_text(SCENARIO.replace("duration_s = 0.5", "duration_s = 3000.0"))

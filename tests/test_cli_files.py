@@ -5,18 +5,10 @@ import re
 
 import pytest
 
-from minimal import MINIMAL
 from qpavoid import compiled
 from qpavoid.cli import doctor, main
 from qpavoid.lab.scenario.scenario import load_scenario
-
-
-def test_an_unknown_key_lists_those_of_its_table(tmp_path, capsys):
-    path = tmp_path / "a.toml"
-    path.write_text(MINIMAL + "[radius]\nr_min_slow = 0.1\n")
-    assert main(["check", str(path)]) == 1
-    said = capsys.readouterr().err
-    assert "did you mean 'r_min_slow_m'? Known: r_min_slow_m, r_min_fast_m, " in said
+from scenario_files import MINIMAL
 
 
 @pytest.mark.parametrize("told", [[], ["--v-min=0", "--footprint", "0.5,0.4"]], ids=str)

@@ -57,25 +57,6 @@ def test_what_is_declared():
     assert count.keys == () and count.kind is int
 
 
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ({"needed": 0.0}, "things want needed > 0 and finite, not 0.0"),
-        ({"needed": math.nan}, "things want needed > 0 and finite, not nan"),
-        ({"needed": math.inf}, "things want needed > 0 and finite, not inf"),
-        ({"pair": (0.0, math.inf)}, "things want pair finite, not"),
-        ({"pair": (0.0,)}, "things want pair as 2 numbers, not"),
-        ({"word": "c"}, "things want word to be one of a, b, not 'c'"),
-        ({"count": 0}, "things want count >= 1, not 0"),
-    ],
-    ids=str,
-)
-def test_what_is_refused(wrong, message):
-    with pytest.raises(InvalidInputError) as caught:
-        Things(**{"needed": 1.0, **wrong})
-    assert str(caught.value).startswith(message)
-
-
 NEEDED = {
     Gains: {"k_x": 1.0, "k_y": 1.0, "k_gamma": 1.0},
     Limits: {"v_min": -1.0, "v_max": 1.0, "omega_min": -1.0, "omega_max": 1.0},

@@ -12,6 +12,7 @@ import pytest
 import qpavoid
 from places import ROOT
 from qpavoid.avoidance.decision import Status
+from qpavoid.avoidance.inputs import Fault
 from qpavoid.cli import COMMANDS, main
 
 DOCS = ROOT / "docs"
@@ -35,7 +36,10 @@ def test_python_snippets_run_one_after_the_other(name, tmp_path, monkeypatch, ca
     names = {}
     for block in fenced(TEXTS[name], "python"):
         exec(compile(block, f"docs/{name}.md", "exec"), names)
-    capsys.readouterr()
+    shown = capsys.readouterr().out.splitlines()
+    for told in re.findall(r"^print\(.*\)\n# (.+)", TEXTS[name], re.MULTILINE):
+        beginning = told.removesuffix(" ...")
+        assert any(line.startswith(beginning) for line in shown), told
 
 
 @pytest.mark.long
@@ -93,9 +97,11 @@ def test_the_api_pages_have_every_name_that_is_public_or_used():
     assert (public | used) - named == {"qpavoid.__version__"}
 
 
-def test_statuses_are_named():
+def test_statuses_and_faults_are_named():
     table = TEXTS["filter"].partition("## Status")[2].partition("## ")[0]
     assert set(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)) == {*Status}
+    faults = re.findall(r"^\| ([a-z ]+) \| [^-]", TEXTS["reliability"], re.MULTILINE)
+    assert faults[1:] == [*map(str, Fault)]
 
 
 def test_every_reference_is_resolved_once():

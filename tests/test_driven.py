@@ -59,20 +59,6 @@ def test_a_polygon_that_turns_is_where_shapely_turns_it(place, v, omega, turn, t
         assert gap == pytest.approx(apart, abs=1e-9)
 
 
-@given(st.floats(-2, 2), st.floats(-2, 2), times)
-def test_arcs_are_the_integral_of_the_velocities(v, omega, time):
-    x = y = 0.0
-    nodes, weights = np.polynomial.legendre.leggauss(40)
-    for node, weight in zip(nodes, weights, strict=True):
-        heading = 0.4 + omega * time * 0.5 * (node + 1.0)
-        x += 0.5 * weight * time * v * math.cos(heading)
-        y += 0.5 * weight * time * v * math.sin(heading)
-    expected = (x, y, 0.4 + omega * time)
-    assert driven_to((0.0, 0.0, 0.4), v, omega, time) == pytest.approx(
-        expected, abs=1e-9
-    )
-
-
 @given(places, st.floats(-1, 1), st.floats(-2, 2), places)
 def test_the_least_on_the_way_is_that_of_ten_thousand_looks(place, v, omega, velocity):
     corners = np.array([(-0.3, -0.2), (0.4, -0.2), (0.4, 0.3)])

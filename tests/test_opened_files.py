@@ -12,7 +12,6 @@ import zlib
 import numpy as np
 import pytest
 
-from minimal import MINIMAL
 from qpavoid import files
 from qpavoid.cli import main
 from qpavoid.errors import (
@@ -27,7 +26,7 @@ from qpavoid.lab.worlds import dynabarn
 from qpavoid.lab.worlds.carmen import read_scans
 from qpavoid.lab.worlds.map_server import read_image, read_map
 from qpavoid.lab.worlds.points import read_points
-from scenario_files import CROSSING
+from scenario_files import CROSSING, MINIMAL
 
 POINTS = '\n[[obstacles]]\nkind = "points"\nfile = "{}"\n'
 RANDOM = """
@@ -64,12 +63,18 @@ def pipe(path):
     os.mkfifo(path)
 
 
+def device(path):
+    path.symlink_to("/dev/zero")
+
+
 def listening(path):
     with socket.socket(socket.AF_UNIX) as made:
         made.bind(str(path))
 
 
-@pytest.mark.parametrize("make", [pipe, listening, os.mkdir], ids=lambda f: f.__name__)
+@pytest.mark.parametrize(
+    "make", [pipe, device, listening, os.mkdir], ids=lambda f: f.__name__
+)
 @pytest.mark.parametrize("ending", [".npy", ".csv", ".toml", ".log", ".yaml", ".pgm"])
 def test_what_is_no_regular_file_is_refused_at_once(
     tmp_path, monkeypatch, make, ending
@@ -86,15 +91,6 @@ def test_what_is_no_regular_file_is_refused_at_once(
     said = "regular file|a folder|No such device"
     with pytest.raises((DataError, ConfigError), match=said):
         read(path)
-
-
-def test_a_device_is_refused_at_once(tmp_path):
-    for name in ("zero.npy", "zero.toml"):
-        (tmp_path / name).symlink_to("/dev/zero")
-    with pytest.raises(DataError, match="not a regular file"):
-        read_points(tmp_path / "zero.npy")
-    with pytest.raises(ConfigError, match="not a regular file"):
-        load_scenario(tmp_path / "zero.toml")
 
 
 def test_a_large_file_is_refused_before_it_is_read(tmp_path):

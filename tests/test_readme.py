@@ -11,7 +11,6 @@ import pytest
 import station
 from places import ROOT
 from qpavoid.avoidance.decision import Status
-from qpavoid.cli import LAWS
 
 TEXT = (ROOT / "README.md").read_text()
 
@@ -29,18 +28,6 @@ def test_python_snippets_run_one_after_the_other(capsys):
     assert "0.9" not in capsys.readouterr().out.split()[0]
     assert names["decision"].status is Status.FILTERED
     assert names["step"].v > 0.0
-
-
-def test_its_figures_exist():
-    film, figure = re.findall(r"!\[[^]]+\]\(([^)]+)\)", TEXT)
-    assert (ROOT / film).read_bytes().startswith(b"GIF89a")
-    assert (ROOT / figure).read_bytes().startswith(b"\x89PNG")
-
-
-def test_its_controllers_are_as_many_as_it_says():
-    assert len(LAWS.split(",")) == 6 and "with six controllers" in " ".join(
-        TEXT.split()
-    )
 
 
 def test_its_people_are_those_of_the_station_study():

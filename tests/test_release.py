@@ -91,11 +91,6 @@ def test_the_conda_recipe_wants_what_the_package_wants():
     assert host == plain
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / ".github").rglob("*.yml")), ids=str)
-def test_files_of_the_repository_can_be_read(path):
-    assert isinstance(yaml.safe_load(path.read_text()), dict)
-
-
 def test_the_paper_resolves_its_references_and_figures():
     folder = ROOT / "docs" / "paper"
     text, known = ((folder / name).read_text() for name in ("paper.md", "paper.bib"))

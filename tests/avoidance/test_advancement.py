@@ -12,7 +12,7 @@ from hypothesis import assume, given
 from driven import driven_to, gap_at, least_of
 from qpavoid.avoidance import bodies as table
 from qpavoid.avoidance import margin
-from qpavoid.avoidance.margin import LOOKS, REFINEMENTS, STEP, least_margin, too_near
+from qpavoid.avoidance.margin import LOOKS, STEP, least_margin, too_near
 from qpavoid.avoidance.plan import Plan, hold
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.obstacles import Obstacles
@@ -258,30 +258,6 @@ def test_the_looks_at_a_body_are_bounded(name, looks):
                 assert (
                     looks(too_near, judged, i, (0.0, end), level, 0.0) <= LOOKS + arcs
                 )
-
-
-@pytest.mark.parametrize("name", ENDLESS)
-def test_so_are_those_for_the_least_room(name, looks):
-    """Until the robot stands or up to the horizon, and then about the least."""
-    limits, world, twist = ENDLESS[name]
-    robot = Robot(name, BAR, limits)
-    judged = Judged(robot, world, hold(*twist, DT), twist, seconds=0.1)
-    for i in range(0, len(judged.bodies), max(1, len(judged.bodies) // 8)):
-        for end in (judged.rollout.rest, HORIZON):
-            made = looks(least_margin, judged, i, (0.0, end), NEVER)
-            assert made <= LOOKS + 1 + 2 * REFINEMENTS
-
-
-def test_a_search_for_many_looks_finds_few(looks):
-    """Random plans past random things: a handful of looks beside one for an arc."""
-    rng, counts = np.random.default_rng(1), []
-    for _ in range(60):
-        robot = Robot("bar", BAR, slow(10.0 ** rng.uniform(-2, 1)))
-        judged = drawn(robot, rng, rng.uniform(0.8, 2.0))
-        for i in range(len(judged.bodies)):
-            made = looks(too_near, judged, i, (0.0, HORIZON), 0.0, 0.0)
-            counts.append(made - len(judged.rollout.arcs))
-    assert np.mean(counts) < 6 and np.max(counts) <= LOOKS
 
 
 def test_a_plan_that_is_not_decided_counts_as_too_near(monkeypatch):

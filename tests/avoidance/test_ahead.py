@@ -5,9 +5,8 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
 
-from driven import gap_at, gaps_at, least_in_all, lines_of_world
+from driven import gap_at, gaps_at, lines_of_world
 from oracles import point_distance, wall_distance
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
@@ -18,7 +17,7 @@ from qpavoid.lab.scenario.world import Track, World
 from qpavoid.model.contacts import most_contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
-from rollouts import BOX, mixed, robots, seeds, speeds, turns
+from rollouts import BOX, mixed, robots
 from shapes import ROBOT
 
 RADIUS, DT = SafetyRadius(), 0.02
@@ -160,54 +159,6 @@ def test_a_step_keeps_to_its_memory(robot):
                 np.testing.assert_array_equal(memory[-40:], sentinel)
                 states.append((state.tobytes(), tuple(given)))
             assert len(set(states)) == 1
-
-
-@robots
-@given(seeds, speeds, turns)
-def test_the_same_where_nothing_is_near_in_time(robot, seed, v, omega):
-    """Obstacles that the desired arc keeps away from, near or far, do not matter."""
-    rng = np.random.default_rng(seed)
-    discs = np.column_stack([rng.uniform(-4, 4, (4, 2)), rng.uniform(0, 0.3, 4)])
-    velocities = rng.uniform(0.0, 0.8, (4, 1)) * discs[:, :2] / 4
-    velocities[:2] = 0.0
-    walls = rng.uniform(-5, 5, (1, 4))
-    world = Obstacles(discs=discs, disc_velocities=velocities, walls=walls)
-    last = rng.uniform([-0.5, -0.7], [0.5, 0.7])
-    one, other = (SafetyFilter(robot, ahead=on) for on in (False, True))
-    one.reset(*last)
-    other.reset(*last)
-    present = one.filter(v, omega, world)
-    assume(present.clearance > 0.3)
-    assume(free_for(3.0, robot, last, (v, omega), world))
-    looking = other.filter(v, omega, world)
-    assert looking[:2] == pytest.approx(present[:2], abs=1e-12)
-    assert looking[2:5] == present[2:5] and looking.active == present.active
-    assert looking.shortfall == 0.0
-
-
-def free_for(seconds, robot, last, twist, world):
-    """Say whether 0.4 m stay free, on the way to the twist at full acceleration."""
-    a, alpha = robot.limits.acceleration, robot.limits.angular_acceleration
-    pose, u, dt, trace = (0.0, 0.0, 0.0), np.array(last), 0.05, []
-    for _ in range(round(seconds / dt)):
-        change = np.array([min(a * dt, 9.0), min(alpha * dt, 9.0)])
-        u = u + np.clip(np.subtract(twist, u), -change, change)
-        trace.append((*pose, *u))
-        pose = arc(*pose, *u, dt)
-    corners, lines = robot.footprint.vertices, lines_of_world(world)
-    return least_in_all(corners, np.array(trace), dt, lines) >= 0.4
-
-
-def test_the_repulsive_bound_knows_no_look_ahead():
-    settings = AvoidanceSettings(bound="repulsion")
-    disc, velocity = [[0.0, 0.9, 0.1]], [[0.0, -0.4]]
-    one, other = (
-        SafetyFilter(ROBOT, settings, ahead=on).filter(
-            0.3, 0.1, Obstacles(discs=disc, disc_velocities=velocity)
-        )
-        for on in (False, True)
-    )
-    assert one[:7] == other[:7]
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.2, 0.5, 0.8])

@@ -9,7 +9,13 @@ from hypothesis import given
 
 from driven import gap_at, least_of, lines_of
 from qpavoid.avoidance import bodies as table
+from qpavoid.avoidance import margin as broad
+from qpavoid.avoidance import proposals as lin
+from qpavoid.avoidance.bodies import threshold
 from qpavoid.avoidance.cbf_rows import R_MIN_TOLERANCE
+from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.proposals import violation
+from qpavoid.avoidance.step import look_ticks
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import stopping_time
 from rollouts import (
@@ -17,8 +23,12 @@ from rollouts import (
     SETTINGS,
     every_robot,
     line_of,
+    mixed,
+    robots,
+    rolled,
     scene_of,
     seeds,
+    some_plan,
 )
 from shapes import ROBOT
 
@@ -36,30 +46,6 @@ def rows(scene):
     """The bodies, by name, in the order of the obstacles."""
     bodies = [table.Body(*body) for body in scene.bodies]
     return sorted(bodies, key=lambda body: body.owner)
-
-
-def test_bodies_by_hand():
-    scene = scene_of(ROBOT, EVERYTHING)
-    bodies = rows(scene)
-    one = bodies[2]
-    assert (one.x, one.y, one.v_x, one.v_y) == (2.0, 1.0, -0.3, 0.0)
-    assert not any(any(bodies[i][6:9]) for i in (0, 1, 3, 5))
-    spins = np.hypot(0.1, 0.0) + 0.5 * np.hypot(0.2, 0.1)  # of its farthest corner
-    r_min = SETTINGS.radius.r_min
-    wanted = [0.17, 0.17, 0.3 + r_min(0.3), 0.2 + 0.17, 0.1 + 0.17, 0.17]
-    assert [b.required for b in bodies[:6]] == pytest.approx(wanted)
-    assert [b.required for b in bodies[6:]] == pytest.approx([r_min(spins)] * 3)
-    assert [b.turn for b in bodies[6:]] == [0.5] * 3
-    lines = lines_of(
-        polygons=[[(1.0, 1.0), (1.4, 1.0), (1.2, 1.3)]], motions=[(0.1, 0.0, 0.5)]
-    )
-    for line in lines:
-        back = [*line[2:4], *line[:2], *line[4:]]
-        assert any(
-            line_of(body._replace(required=0.0)) == pytest.approx(ends, abs=1e-12)
-            for body in bodies[6:]
-            for ends in (list(line), back)
-        )
 
 
 def test_who_does_not_look_ahead_sees_what_stands_or_creeps():
@@ -120,3 +106,65 @@ def test_no_more_is_wanted_of_what_stands_than_there_is():
             )
             met += gap < 0.169
     assert met > 100
+
+
+def scanned(rng):
+    """Walls and posts as a scan has them, beside other things."""
+    pieces = []
+    for _ in range(rng.integers(2, 5)):
+        bearing, far = rng.uniform(-math.pi, math.pi), rng.uniform(0.6, 2.5)
+        along = rng.uniform(-1.5, 1.5) + np.linspace(-0.7, 0.7, rng.integers(3, 90))
+        cos, sin = math.cos(bearing), math.sin(bearing)
+        wall = np.column_stack([far * cos - along * sin, far * sin + along * cos])
+        pieces.append(wall + rng.normal(size=wall.shape) * 0.01 * (rng.random() < 0.6))
+    others = mixed(rng, 2.5)
+    return replaced(others, np.vstack([*pieces, others.points]))
+
+
+def replaced(world, points):
+    motions = world.polygon_velocities
+    parts = world.discs, world.disc_velocities, world.walls, world.polygons, motions
+    return Obstacles(points, *parts)
+
+
+def ungrouped(scene):
+    bodies = scene.bodies.copy()
+    bodies["group"] = -1
+    return scene._replace(bodies=bodies)
+
+
+@robots
+@given(seeds)
+def test_no_answer_depends_on_groups(robot, seed):
+    rng = np.random.default_rng(seed)
+    scene = scene_of(robot, scanned(rng), rng.uniform([-0.3, -0.5], [0.8, 0.5]))
+    plain, plan = ungrouped(scene), some_plan(rng)
+    rollout = rolled(scene, plan, scene.last, 0.0, 2)
+    level = float(rng.choice([threshold(scene), 0.0, 0.1]))
+    for moving in (HORIZON, -1.0):
+        watch = broad.Watch((moving, level), (rollout.rest, level))
+        for one, other in ((scene, plain), (plain, scene)):
+            kept = broad.keeps_all(one, rollout, watch)
+            assert kept == (broad.first_violated(other, rollout, watch, 0.0).body < 0)
+        met = broad.first_violated(scene, rollout, watch, 1e-3)
+        assert met == broad.first_violated(plain, rollout, watch, 1e-3)
+    for first in (-1, len(scene.bodies) // 2):
+        assert violation(scene, rollout, first) == violation(plain, rollout, first)
+    tables = []
+    for one in (scene, plain):
+        ticks = look_ticks(SETTINGS.record())
+        sides = np.zeros(lin.most_predicted(ticks), lin.PREDICTED)
+        frames = np.zeros(ticks + 1, lin.FRAME)
+        lin.predict_contacts(one, rollout, lin.Tables(sides, frames))
+        tables.append(sides)
+    np.testing.assert_array_equal(*tables)
+
+
+@pytest.mark.parametrize("behind", [-2.0, -3.0])
+def test_active_names_what_is_in_the_way_not_what_is_behind(behind):
+    """Beyond the look-ahead at what stands, and nearer than a stop."""
+    limits = replace(ROBOT.limits, acceleration=0.25, angular_acceleration=1.0)
+    safety = SafetyFilter(replace(ROBOT, limits=limits))
+    safety.reset(1.0, 0.0)
+    decision = safety.filter(1.0, 0.0, [(behind, 0.3), (2.4, 0.0)])
+    assert 0 not in decision.active

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from driven import driven_to
 from oracles import exact_answer, point_distance
 from qpavoid.avoidance.cbf_rows import R_MIN_TOLERANCE
-from qpavoid.avoidance.decision import AT_REST, Decision, Status, blocked_if
+from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import Actuation, AvoidanceSettings, SafetyRadius
 from qpavoid.model.obstacles import Obstacles
@@ -31,13 +31,6 @@ def test_without_obstacles_only_the_limits_act(v, omega):
     assert decision.slack == decision.residual == 0 and decision.active == ()
     within = abs(v) <= 1 and abs(omega) <= 1.5
     assert decision.status is (Status.TRACKING if within else Status.FILTERED)
-
-
-@pytest.mark.parametrize("nothing", [[], (), np.empty((0, 2)), np.empty(0)], ids=repr)
-def test_empty_input_means_no_obstacles(nothing):
-    plain = SAFETY.filter(0.6, 0.1)
-    assert SAFETY.filter(0.6, 0.1, nothing)[:7] == plain[:7]
-    assert SAFETY.filter(0.6, 0.1, Obstacles())[:7] == plain[:7]
 
 
 def test_relaxed_reports_the_least_slack():
@@ -112,24 +105,6 @@ def test_filtering_twice_is_filtering_once(seed, v, omega):
     once = SAFETY.filter(v, omega, Obstacles(**obstacles))
     twice = SAFETY.filter(once.v, once.omega, Obstacles(**obstacles))
     assert twice[:2] == pytest.approx(once[:2], abs=1e-6)
-
-
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-@pytest.mark.parametrize(
-    ("v", "omega", "stands"),
-    [
-        (0.0, 0.0, True),
-        (0.9 * AT_REST, 0.9 * AT_REST, True),
-        (AT_REST, 0.0, False),
-        (0.0, AT_REST, False),
-    ],
-)
-def test_blocked_is_said_of_what_stands(v, omega, stands, sign):
-    made = Decision(sign * v, sign * omega, Status.HOLDING, 0.3, 0.0, 0.0, (), 0.0)
-    assert blocked_if(made, False) == made
-    found = blocked_if(made, True)
-    assert (found.status is Status.BLOCKED) == stands
-    assert found._replace(status=made.status) == made
 
 
 @pytest.mark.parametrize(("off", "rows"), [(0.5, 0), (-0.5, 0), (-1.5, 1)])

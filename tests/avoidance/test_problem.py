@@ -1,7 +1,5 @@
 """The problem is the QP whose solution is the decision, looking ahead too."""
 
-import math
-
 import numpy as np
 import pytest
 
@@ -10,8 +8,6 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.model.robot import limit_twist
-from qpavoid.qp.backends import find_back_end
-from qpavoid.qp.problem import SolveStatus
 from qpavoid.qp.solve import solve
 
 SETTINGS = AvoidanceSettings(dt=0.05)
@@ -41,12 +37,10 @@ def sequences(robot, ahead, count, seed, solver="exact", ask=True):
         yield decisions, problems
 
 
-def off(problem, solver, robot, steps):
+def off(problem, robot, steps):
     """Distance of the first step to a problem's solution from the decision's twist."""
     last, decision = steps
-    solution = solve(problem, solver, SETTINGS.slack_tolerance)
-    if solution.status is SolveStatus.FAILED:
-        return math.nan
+    solution = solve(problem, "exact", SETTINGS.slack_tolerance)
     first = limit_twist(robot.limit_vector, tuple(solution.u), last, SETTINGS.dt)
     return float(np.abs(np.subtract(first, decision[:2])).max())
 
@@ -54,10 +48,7 @@ def off(problem, solver, robot, steps):
 @aheads
 @robots
 def test_the_solution_of_the_problem_is_the_decision(robot, ahead):
-    """Exactly, and that of every back end to what it promises, where it has one."""
-    names = ("osqp", "qpsolvers:daqp", "casadi:daqp")
-    back_ends = {name: find_back_end(name).load() for name in names}
-    seen, wrong, failed, asked = set(), [], 0, 0
+    seen = set()
     for decisions, problems in sequences(robot, ahead, 60, 1):
         last = (0.0, 0.0)
         for decision, problem in zip(decisions, problems, strict=True):
@@ -65,14 +56,7 @@ def test_the_solution_of_the_problem_is_the_decision(robot, ahead):
             steps, last = (last, decision), decision[:2]
             if decision.status not in SOLVED:
                 continue
-            assert off(problem, "exact", robot, steps) <= 1e-9
-            for name, back_end in back_ends.items():
-                gap = off(problem, back_end, robot, steps)
-                asked, failed = asked + 1, failed + math.isnan(gap)
-                if gap > 1e-5:
-                    wrong.append((name, decision))
-    assert not wrong
-    assert failed < 0.01 * asked
+            assert off(problem, robot, steps) <= 1e-9
     assert {Status.TRACKING, Status.FILTERED} <= seen
     assert seen <= {*SOLVED, *OWN}
 

@@ -250,39 +250,6 @@ def test_where_memory_alone_makes_no_tuple_the_class_is_called(monkeypatch):
     assert abs(sys.getrefcount(None) - before) < 50
 
 
-def test_who_looks_while_a_decision_is_made_sees_whole_ones():
-    safety, points, seen = used(ahead=False), NEAR + 5.0, []
-
-    def look(phase, info):
-        for thing in gc.get_objects():
-            if type(thing) is Decision:
-                seen.append(sum(1 for _ in thing))
-
-    before, held = gc.get_threshold(), []
-    gc.callbacks.append(look)
-    gc.set_threshold(1)
-    try:
-        for _ in range(15):
-            held.append(safety.filter(0.5, 0.1, points))
-    finally:
-        gc.set_threshold(*before)
-        gc.callbacks.remove(look)
-    assert {*seen} == {len(Decision._fields)} and all(map(gc.is_tracked, held))
-
-
-@pytest.mark.parametrize(
-    "probe", [np.zeros((2, 3), np.float32), np.zeros((3, 2)), NEAR.view(Liar), [1.0]]
-)
-def test_numpys_buffers_are_asked_for_where_its_arrays_lie_unlike(monkeypatch, probe):
-    monkeypatch.setattr(filter, "MADE", (*filter.MADE[:-1], probe))
-    safety, other = used(), used(ahead=True)
-    be_slow(other)
-    found = answered(safety, 0.5, 0.1, NEAR)
-    assert bits(found) == bits(other.filter(0.5, 0.1, NEAR.tolist()))
-    for kind in UNFIT:
-        assert answered(safety, 0.5, 0.1, UNFIT[kind]) is None
-
-
 @pytest.mark.parametrize("made", [(), (np.ndarray, tuple, ()), (1, list, (), NEAR)])
 def test_what_a_decision_is_made_of_is_checked(made):
     known = *used()._engine.setup, *(NEAR, np.zeros((0, 12)), 0.0, True, 0.0, 0.0)

@@ -5,13 +5,12 @@ import math
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import strategies as st
 
-from driven import driven_to
-from qpavoid.avoidance import plan as pre
-from qpavoid.avoidance.bodies import Setup
-from qpavoid.avoidance.plan import Plan, hold
-from qpavoid.avoidance.proposals import fill_slopes, slopes_at
+from driven import driven_to, gap_at
+from qpavoid.avoidance import proposals as lin
+from qpavoid.avoidance.plan import hold
+from qpavoid.avoidance.proposals import Tables, fill_slopes, slopes_at
+from qpavoid.avoidance.step import look_ticks
 from qpavoid.model.obstacles import Obstacles
 from rollouts import (
     BOX,
@@ -19,6 +18,8 @@ from rollouts import (
     SETTINGS,
     every_robot,
     frame_of,
+    line_of,
+    mixed,
     robots,
     rolled,
     scene_of,
@@ -66,21 +67,6 @@ def test_the_way_is_that_of_the_steps(robot, held, seed):
 
 @every_robot
 @given(seeds)
-def test_the_places_of_a_plan_are_those_of_the_steps(robot, seed):
-    """A twist for one step, what is left of a plan, then braking to rest."""
-    rng = np.random.default_rng(seed)
-    plan, now = some_plan(rng, end=HORIZON - DT), tuple(rng.uniform(-0.3, 0.3, 2))
-    setup = Setup(robot.footprint.edges, robot.limit_vector, SETTINGS.record())
-    places = pre.places_of(setup, plan, now, DT)
-    later = plan._replace(switch=plan.switch + DT, end=plan.end + DT)
-    trace = steps_of(robot, later, now, DT, True, HORIZON + 1.5)
-    count = min(len(places) - 1, len(trace))
-    np.testing.assert_allclose(places[:count], trace[:count, :2], atol=1e-7)
-    np.testing.assert_allclose(places[-1], trace[-1, :2], atol=1e-7)
-
-
-@every_robot
-@given(seeds)
 def test_the_rest_of_a_plan_is_the_same_way(robot, seed):
     """Premise of the theorems: a plan's remainder, a step later, is its motion."""
     rng = np.random.default_rng(seed)
@@ -99,26 +85,6 @@ def test_the_rest_of_a_plan_is_the_same_way(robot, seed):
             c, s = math.cos(at[2]), math.sin(at[2])
             there = at[0] + c * x - s * y, at[1] + s * x + c * y, at[2] + heading
             close(there, trace[j, :3], 1e-7)
-
-
-@every_robot
-@given(seeds, st.sampled_from([1, 3]))
-def test_mirrored_plans_lead_to_mirrored_places(robot, seed, many):
-    """To the last bit, where the limits are the same to both sides."""
-    rng = np.random.default_rng(seed)
-    plan, now = some_plan(rng), tuple(rng.uniform([-0.3, -0.5], [0.5, 0.5]))
-    limits = robot.limits
-    if limits.omega_min != -limits.omega_max:
-        return
-    other = Plan(
-        plan.v, -plan.omega, plan.switch, plan.v_then, -plan.omega_then, plan.end
-    )
-    scene, mirror = scene_of(robot, NOTHING), scene_of(robot, NOTHING)
-    one = rolled(scene, plan, now, DT, many).arcs
-    two = rolled(mirror, other, (now[0], -now[1]), DT, many).arcs
-    for name in pre.Arc._fields[:8]:
-        sign = -1.0 if name in ("y", "sin", "omega") else 1.0
-        np.testing.assert_array_equal(one[name], two[name] * sign)
 
 
 @robots
@@ -161,3 +127,64 @@ def test_slopes_are_those_of_finite_differences(robot, many, v, omega, last_v, l
         assert (x_v, y_v) == pytest.approx(change[0, :2], abs=1e-4)
         assert (x_w, y_w) == pytest.approx(change[1, :2], abs=1e-4)
         assert (0.0, turn) == pytest.approx(change[:, 2], abs=1e-4)
+
+
+NOBODY_MET = lin.Violation(-1, 0.0)
+MANY = max(1, round(SETTINGS.ahead.tick / SETTINGS.dt))
+
+
+def tables():
+    ticks = look_ticks(SETTINGS.record())
+    sides = lin.most_predicted(ticks)
+    tables = Tables(np.zeros(sides, lin.PREDICTED), np.zeros(ticks + 1, lin.FRAME))
+    return tables, np.full((sides + 8, 9), np.nan)
+
+
+def rollout_of(scene, twist, many=MANY):
+    return rolled(scene, hold(*twist, HORIZON + DT), scene.last, 0.0, many)
+
+
+def room(scene, rollout, body, time, corners):
+    return gap_at(corners, frame_of(rollout, time), line_of(body), time)
+
+
+def granted(body):
+    """Relaxation of the row of a body that is already inside its required distance."""
+    return max(lin.ROW_ROOM - body.margin_now, 0.0)
+
+
+@robots
+@given(seeds, speeds, turns)
+def test_rows_are_the_gradients_of_the_true_rooms(robot, seed, v, omega):
+    """Of one body each, at one time; rows say how much room is left there."""
+    rng, corners, h = np.random.default_rng(seed), robot.footprint.vertices, 1e-6
+    scene = scene_of(robot, mixed(rng), rng.uniform([-0.5, -1], [0.5, 1]))
+    (made, rows), about = tables(), (v, omega)
+    rollout = rollout_of(scene, about)
+    count = lin.linearised_rows(scene, rollout, NOBODY_MET, made, rows)
+    used = [side for side in made.predicted if side.margin < lin.ROW_WITHIN]
+    assert count == len(used)
+    around = [(v - h, omega), (v + h, omega), (v, omega - h), (v, omega + h)]
+    shifted = [rollout_of(scene, twist) for twist in around]
+    for side, row in zip(used, rows[:count], strict=True):
+        time, spare = side.time, side.margin
+        owner = scene.bodies[side.body].owner
+        assert row[3] == owner
+        right = row[:2] @ about + lin.ROW_ROOM - spare
+        assert row[2] == pytest.approx(right, abs=1e-9)
+        own = [
+            body
+            for body in scene.bodies
+            if body.owner == owner
+            and abs(room(scene, rollout, body, time, corners) + granted(body) - spare)
+            < 1e-9
+        ]
+        assert own or spare < 0.0
+        if not own or spare + own[0].required < 0.05:
+            continue
+        extra = granted(own[0])
+        rooms = [room(scene, one, own[0], time, corners) + extra for one in shifted]
+        for j in range(2):
+            before, after = (spare - rooms[2 * j]) / h, (rooms[2 * j + 1] - spare) / h
+            if abs(before - after) <= 1e-3:  # at a wall's corner there are two slopes
+                assert row[j] == pytest.approx(0.5 * (before + after), abs=2e-3)

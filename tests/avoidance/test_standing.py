@@ -201,20 +201,6 @@ def test_in_contact_it_moves_away_or_holds(limits, ahead):
     assert Status.RELAXED in statuses
 
 
-@limits
-@aheads
-def test_squeezed_from_both_sides_it_holds(limits, ahead):
-    """As deep on the left as on the right: no way out, so it stays where it is."""
-    case = Case(limits, 0.02, ahead)
-    safety = SafetyFilter(case.robot, case.settings, ahead=ahead)
-    for wish in ((1.0, 0.0), (-1.0, 0.3), (0.0, 0.0), (0.1, -1.5)):
-        safety.reset()
-        decision = safety.filter(*wish, points=[[-0.1, 0.2], [-0.1, -0.2]])
-        assert decision[:2] == (0.0, 0.0)
-        assert decision.status in (Status.HOLDING, Status.RELAXED)
-        assert decision.clearance == pytest.approx(-0.09)
-
-
 def along(case, pose, twist, world):
     """The least distance while a twist is driven for a control step."""
     trace = np.array([[*pose, *twist]])
@@ -263,21 +249,6 @@ def test_never_worse_than_braking_at_once(limits, dt, ahead):
 
 
 @aheads
-def test_braking_and_holding_are_true(ahead):
-    """``holds`` counts lies: a status that is not what was done."""
-    case, rng = Case("wheels", 0.02, ahead), np.random.default_rng(9)
-    counts, fast = holds(case, 40, seed=9), np.zeros(len(STATUSES), dtype=int)
-    assert counts.sum() == 40 * 250
-    for _ in range(20):
-        world = Obstacles(points=rng.uniform([0.75, -0.3], [0.9, 0.3], (3, 2)))
-        demands = make_demands(rng, 30, case.dt)
-        outcome, given, _ = case.drive(world, *demands, twist=(0.4, 0.3))
-        assert outcome.lies == 0 and outcome.excess <= 1e-9
-        fast += given
-    assert fast[BRAKING] > 0
-
-
-@aheads
 def test_the_desired_twist_is_never_passed_on_where_it_is_not_admissible(ahead):
     """``tracking`` means: the twist itself keeps rows, limits and room to stop."""
     case, rng, tracked = (
@@ -305,19 +276,6 @@ def test_the_desired_twist_is_never_passed_on_where_it_is_not_admissible(ahead):
         elif decision.status in (Status.BRAKING, Status.HOLDING, Status.STOPPED):
             assert decision[:2] != tuple(wish)
     assert 20 < tracked < 190
-
-
-def test_braking_is_full_and_along_the_arc():
-    """Too fast, too near: 0.6 m/s and 0.3 rad/s shrink alike, over 15 steps."""
-    case = Case("accelerations", 0.02)
-    safety = SafetyFilter(case.robot, case.settings, ahead=False)
-    safety.reset(0.6, 0.3)
-    pose, world = REST, Obstacles(walls=[[0.9, -3.0, 0.9, 3.0]])
-    for left in range(14, 0, -1):
-        decision = safety.filter(1.0, 0.3, world.seen_from(pose))
-        assert decision.status is Status.BRAKING
-        assert decision[:2] == pytest.approx((0.04 * left, 0.02 * left), abs=1e-12)
-        pose = driven_to(pose, *decision[:2], case.dt)
 
 
 SLOW = replace(

@@ -328,12 +328,6 @@ def test_it_answers_whatever_it_is_given(call, v, omega):
     assert (decision.problem != "") == (decision.status is Status.INVALID)
 
 
-def test_a_filter_that_has_met_nothing_may_be_acknowledged():
-    safety = SafetyFilter(ROBOT, freshness=Freshness(good=math.inf))
-    safety.acknowledge()
-    assert safety.step(0.5, 0.0, AHEAD).status is not Status.INVALID
-
-
 @pytest.mark.parametrize(
     "spoilt",
     [
@@ -357,23 +351,3 @@ def test_a_blind_scan_stays_blind(again):
     assert "blind" in safety.step(0.5, 0.0, AHEAD, stamps=again).problem
     sees = Stamps(10.1, points=10.1)
     assert safety.step(0.5, 0.0, AHEAD, stamps=sees).status is not Status.INVALID
-
-
-class Evil(str):
-    def __format__(self, spec):
-        raise RuntimeError("no")
-
-
-class Telling(Exception):
-    def __str__(self):
-        return Evil("said")
-
-
-class Raising:
-    def __array__(self, *given, **named):
-        raise Telling
-
-
-def test_an_error_that_cannot_be_told_is_told():
-    decision = SafetyFilter(ROBOT).step(0.5, 0.0, Raising())
-    assert decision.status is Status.INVALID and decision.problem

@@ -89,11 +89,6 @@ def test_a_tick_is_judged_by_the_velocities_before(place, before, end, event):
     assert people.judge(np.array([[0.0, 3.9], end])) == event
 
 
-def driven(method, crowd, people):
-    scene = crowdnav.make_scene(people, crowd.ticks)
-    return crowdnav.Driven(method, crowd, people, scene)
-
-
 def test_a_robot_sees_velocities_when_they_have_been_driven():
     seen = []
 

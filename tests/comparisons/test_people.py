@@ -120,18 +120,6 @@ def test_a_long_step_is_several_and_the_robot_moves_along():
     assert one.places == pytest.approx(other.places, abs=1e-12)
 
 
-def test_seeds_decide_who_is_exactly_ahead():
-    ways = {}
-    for seed in range(8):
-        places = [(-3.0, 0.0), (3.0, 0.0)]
-        people = People(places, places[::-1], seed=seed)
-        ways[seed] = walk(people, 4.0)[-1]
-        assert (
-            ways[seed] == walk(People(places, places[::-1], seed=seed), 4.0)[-1]
-        ).all()
-    assert len({np.sign(way[0, 1]) for way in ways.values()}) == 2
-
-
 def test_bad_input():
     with pytest.raises(ConfigError, match="angry"):
         People([(0, 0)], [(1, 0)], reactions="angry")

@@ -77,15 +77,6 @@ def test_its_stack_is_bounded_and_no_compiler_warns():
     assert row["warnings of gcc"] == row["warnings of clang"] == 0
 
 
-@GCC
-def test_a_function_that_calls_itself_is_found(tmp_path):
-    source = tmp_path / "c.c"
-    called = "int g(int n); int f(int n) { return n ? g(n - 1) + n * g(n) : 1; }"
-    source.write_text(f"{called} int g(int n) {{ return n ? f(n - 1) * n : 2; }}")
-    with pytest.raises(ValueError, match="cycle"):
-        exported.stack_of(source, "f", "-fno-optimize-sibling-calls", "-O0")
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("name", damage.KINDS)
 def test_damaged_files_raise_our_own_errors_alone(name):

@@ -11,23 +11,13 @@ import pytest
 scan_replay = pytest.importorskip("scan_replay", reason="needs qpavoid[study]")
 
 from qpavoid.lab.worlds.carmen import read_scans
-
-
-def driven(pose, v, omega, time, steps=20_000):
-    """Integrate the unicycle by small steps, midpoint rule."""
-    x, y, heading = pose
-    dt = time / steps
-    for _ in range(steps):
-        middle = heading + 0.5 * omega * dt
-        x, y = x + v * dt * math.cos(middle), y + v * dt * math.sin(middle)
-        heading += omega * dt
-    return x, y, heading
+from qpavoid.model.kinematics import arc
 
 
 @pytest.mark.parametrize("twist", [(0.5, 0.0), (0.7, 1.1), (-0.3, -2.0), (0.0, 0.4)])
 def test_the_twist_is_that_of_the_arc(twist):
     start = (1.0, -2.0, 3.0)  # the heading passes π
-    x, y, heading = driven(start, *twist, 0.25)
+    x, y, heading = arc(*start, *twist, 0.25)
     end = x, y, heading - 2 * math.pi
     found = scan_replay.twist_between(start, end, 0.25)
     assert found == pytest.approx((*twist, 0.0), abs=1e-7)

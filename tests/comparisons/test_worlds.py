@@ -13,7 +13,7 @@ worlds = pytest.importorskip("worlds", reason="needs qpavoid[study]")
 from qpavoid.errors import DataError
 from qpavoid.lab.scenario.scenario import make_scenario
 from qpavoid.lab.worlds.dynabarn import DynaBarn, find_worlds
-from walkers import walker
+from scenario_files import walker
 
 SMALL = {
     "timeout_s": 20.0,

@@ -7,8 +7,8 @@ import subprocess
 import numpy as np
 import pytest
 
-from export_problems import CAPACITY
 from hostile_filters import (
+    CAPACITY,
     FILTERS,
     LOOPS,
     in_python,

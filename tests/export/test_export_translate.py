@@ -15,7 +15,6 @@ pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 
 STEP = 2.5
 CHOICES = (0.5, -1.0, 7.0)
-TABLE = np.array([1.0, 2.0])
 
 
 @compiled
@@ -124,18 +123,6 @@ class Plan(NamedTuple):
 
 
 @compiled
-def wrong_field(x: float) -> float:
-    """Ask a record for what it has not."""
-    return Plan(x, x, 1).speed
-
-
-@compiled
-def wrong_number(x: float) -> Plan:
-    """Leave a field out."""
-    return Plan(x, x)
-
-
-@compiled
 def two(x: float) -> tuple[float, float]:
     """Return two numbers."""
     return x, 2.0 * x
@@ -157,12 +144,6 @@ def wrong_kinds(x: float) -> float:
 
 
 @compiled
-def wrong_comparison(x: float) -> bool:
-    """Order tuples."""
-    return (x, 1.0) <= (1.0, x)
-
-
-@compiled
 def wrong_call(x: float) -> float:
     """Call what C does not know."""
     return math.gamma(x)
@@ -174,28 +155,11 @@ def wrong_memory(x: float) -> float:
     return float(np.zeros(3)[0] + x)
 
 
-@compiled
-def wrong_array(n: int) -> float:
-    """Look into an array of the module."""
-    return float(TABLE[n])
-
-
-@compiled
-def wrong_part(a: np.ndarray) -> float:
-    """Take what is not contiguous."""
-    return float(a[:, 0][0])
-
-
 @pytest.mark.parametrize(
     ("function", "kind", "construct"),
     [
-        (wrong_comparison, "double", "(x, 1.0) <= (1.0, x)"),
         (wrong_call, "double", "math.gamma(x)"),
         (wrong_memory, "double", "np.zeros(3)"),
-        (wrong_array, "int", "TABLE"),
-        (wrong_part, "matrix", "a[:, 0]"),
-        (wrong_field, "double", "'Plan(x, x, 1).speed'"),
-        (wrong_number, "double", "missing a required argument: 'ticks'"),
         (wrong_turn, "double", "max(*two(x), x)': not always"),
         (wrong_kinds, "double", "two kinds of value, Plan and tuple_dd"),
     ],

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import shapely
 
-from boxes import HALF, RADIUS, box
 from qpavoid.guide.geodesic import Goal, way_beyond
 from qpavoid.guide.room import (
     AMPLE,
+    GRID_PITCH,
     Field,
     line_room,
     new_field,
@@ -30,6 +30,7 @@ from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import arc, to_world, wrap_angle
 from qpavoid.model.obstacles import Obstacles
+from shapes import HALF, RADIUS, ROBOT, box
 
 SIZE = search_size(HALF)
 NO_WALLS = np.zeros((0, CAPSULE_WIDTH))
@@ -176,3 +177,48 @@ def test_a_way_to_what_lies_beyond_the_grid_stays_on_this_side_of_a_long_wall(ro
         for pose in driven(way[:count], (0.0, 0.0, turn)):
             assert -2.0 < pose[1] < 1.2
         assert pose[0] > 5.5
+
+
+SMALL = 1.5
+"""m, of small grids."""
+
+WIDE = AMPLE + 0.29
+
+
+def test_the_field_is_the_distance_at_every_node_and_less_within_polygons():
+    """Against shapely, to the last row: discs and boxes across borders, a triangle."""
+    discs = [[x, y, 0.2] for x in (-SMALL, 0.0, SMALL) for y in (-SMALL, SMALL)]
+    discs += [[-SMALL, 0.0, 0.2], [SMALL, 0.0, 0.2]]
+    corners = [
+        [(0.4, 0.4), (1, 0.4), (0.4, 1)],
+        [(-1, -1), (-0.4, -1), (-0.4, -0.4), (-1, -0.4)],
+        [(1.2, -1.2), (1.9, -1.2), (1.9, -0.6), (1.2, -0.6)],
+        [(-0.9, 1.2), (-0.4, 1.2), (-0.4, 1.9), (-0.9, 1.9)],
+        [(-1.9, 0.7), (-1.3, 0.7), (-1.3, 1.1), (-1.9, 1.1)],
+        [(0.3, -1.9), (0.7, -1.9), (0.7, -1.3), (0.3, -1.3)],
+    ]
+    world = Obstacles(discs=discs, walls=[(-1, 0.5, -0.3, 1)], polygons=corners)
+    shapes = [shapely.Point(x, y).buffer(r, 256) for x, y, r in discs]
+    shapes += [shapely.Polygon(c) for c in corners]
+    everything = shapely.union_all(
+        [*shapes, shapely.LineString([(-1, 0.5), (-0.3, 1)])]
+    )
+    field = new_field(SMALL, WIDE, RADIUS, world.arrays)
+    along = GRID_PITCH * np.arange(len(field)) - SMALL
+    x, y = np.meshgrid(along, along, indexing="ij")
+    truth = shapely.distance(everything, shapely.points(x, y))
+    near = (truth > 0.0) & (truth < AMPLE)
+    np.testing.assert_allclose(field[near], truth[near] - 0.17, atol=1e-4)
+    assert (field[truth == 0.0] <= -0.17 + 1e-9).all()
+
+
+@pytest.mark.parametrize("before", [0.0, -1.0, 1e6])
+def test_a_way_is_found_whatever_the_memory_held(before):
+    nodes = new_field(SMALL, WIDE, RADIUS, Obstacles(walls=box(1.3, -1, 2, 1)).arrays)
+    field = Field(nodes, SMALL, outline(ROBOT.footprint))
+    search = Search(0.29, True, 0.02, 0.1, (3.5, 0.0, 0.0), False, NO_WALLS)
+    memory, way = np.full(search_size(SMALL), before), np.zeros(MOST_ACTIONS)
+    memory_of_zeros, known = np.zeros(search_size(SMALL)), np.zeros(MOST_ACTIONS)
+    count = find_way(field, search, memory, way)
+    assert count == find_way(field, search, memory_of_zeros, known) > 0
+    np.testing.assert_array_equal(way[:count], known[:count])

@@ -305,13 +305,3 @@ def test_a_parallel_wall_is_held_at_both_corners():
     near = contacts.distance < 0.21 + 1e-9
     assert sorted(contacts.point[near, 0]) == pytest.approx([-0.445, 0.445])
     assert_allclose(contacts.normal[near], [[0, 1], [0, 1]], atol=1e-12)
-
-
-def test_shared_vertices_are_counted_once():
-    box = np.array([[1.5, -0.2], [2, -0.2], [2, 0.2], [1.5, 0.2]])
-    contacts = Contacts.of(PENTAGON, world_of("polygon", box))
-    ends = contacts.point + contacts.distance[:, None] * contacts.normal
-    for corner in box:
-        assert (np.hypot(*(ends - corner).T) < 1e-9).sum() == 1
-    assert len(contacts) <= len(box) * (1 + len(PENTAGON.edges))
-    assert contacts.distance.min() == pytest.approx(1.5 - PENTAGON.vertices[2, 0])

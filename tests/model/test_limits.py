@@ -120,13 +120,6 @@ def test_what_is_driven_is_the_nearest_twist_that_can_follow():
     assert 100 < infeasible < 3000
 
 
-@given(all_limits(), speeds, turns, speeds, turns, times)
-def test_what_is_driven_keeps_all_limits(limits, v, omega, last_v, last_omega, dt):
-    last = inside(limits, last_v, last_omega)
-    u = limit_twist(numbers_of(limits), (v, omega), last, dt)
-    check_limits(limits, last, u, dt)
-
-
 @given(all_limits(), speeds, turns, times)
 def test_braking_comes_to_rest_within_all_limits(limits, v, omega, dt):
     robot, twist = numbers_of(limits), inside(limits, v, omega)

@@ -127,15 +127,6 @@ def test_right_again_after_nonsense(name):
         check(solve(good, back_end), (exact.u, exact.slack), name)
 
 
-@others
-def test_objects_do_not_disturb_each_other(name):
-    first, second = find_back_end(name).load(), find_back_end(name).load()
-    one, other = qp(*ring(6, 0.05, 1)), qp(*ring(3, 0.05, 2))
-    for problem, back_end in ((one, first), (other, second)) * 3:
-        exact = solve(problem)
-        check(solve(problem, back_end), (exact.u, exact.slack), name)
-
-
 @pytest.mark.parametrize("b", [1e-15, 1e-13, 5e-13, 2e-12, 1e-11])
 @pytest.mark.parametrize("name", ["osqp", "casadi", "qpsolvers:daqp"])
 def test_a_slack_of_rounding_size_is_the_same_for_all(name, b):

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
-from oracles import exact_answer, lowered
+from oracles import lowered
 from problem_bank import CASES, qp, random_problem
 from qpavoid.errors import InvalidInputError
 from qpavoid.qp.problem import FIELDS, FilterProblem
@@ -28,37 +28,6 @@ def test_certificate_rejects_every_other_twist(seed, bearing, size):
     step = size * np.array([math.cos(bearing), math.sin(bearing)])
     wrong = solution.u + step / np.sqrt(problem.weights)
     assert max(relaxed.certify(*wrong)) > RESIDUAL_TOLERANCE
-
-
-WRONG = {
-    "zero": (0.0, 0.0),
-    "far and feasible": (-0.5, 0.7),
-    "desired": (0.6, 0.0),
-    "outside the limits": (0.2, 1.6),
-    "huge": (2.1e9, -2.1e9),
-    "NaN": (math.nan, 0.0),
-    "half NaN": (0.2, math.nan),
-    "infinite": (-math.inf, 0.0),
-}
-BESIDE = {
-    "alone": qp([[-1, 0.3]], [-0.2]),
-    "beside a null row": qp([[-1, 0.3], [0, 0]], [-0.2, -1.0]),
-    "beside a null row on its bound": qp([[-1, 0.3], [0, 0]], [-0.2, 0.0]),
-    "without limits": qp(
-        [[-1, 0.3]], [-0.2], lower=(-np.inf,) * 2, upper=(np.inf,) * 2
-    ),
-    "without limits of ω": qp(
-        [[-1, 0.3]], [-0.2], lower=(-1, -np.inf), upper=(1, np.inf)
-    ),
-}
-
-
-@pytest.mark.parametrize("problem", BESIDE.values(), ids=BESIDE)
-@pytest.mark.parametrize("twist", WRONG.values(), ids=WRONG)
-def test_certificate_rejects_wrong_answers(problem, twist):
-    assert not max(problem.certify(*twist)) <= RESIDUAL_TOLERANCE
-    right, _ = exact_answer(problem)
-    assert max(problem.certify(*right)) <= 1e-9
 
 
 def test_violation_is_in_the_rows_units():

@@ -139,16 +139,6 @@ def test_rounds_are_bounded_and_few(rows):
     assert np.count_nonzero(table[:, TAKEN] >= 0.0) <= 5
 
 
-def test_an_adversarial_order_of_rows_stays_fast():
-    """Rows that tighten one after the other; quadratic at worst, not exponential."""
-    angles = np.linspace(math.pi / 2 + 1e-3, 3 * math.pi / 2 - 1e-3, 1000)
-    A = np.column_stack([np.cos(angles), np.sin(angles)])
-    solution = solve(qp(A, np.full(1000, -0.2)))
-    assert solution.status is SolveStatus.OPTIMAL
-    assert solution.u == pytest.approx((0.2, 0.0), abs=1e-3)
-    assert solution.solve_time_s < 0.05
-
-
 def test_active_rows_are_named():
     problem = qp([[-1, 0.3], [-1, -0.4], [1, 0]], [-0.2, -0.1, -9.0])
     assert solve(problem).active == (0, 1)

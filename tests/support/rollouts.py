@@ -24,7 +24,7 @@ WHEELS = replace(
     ROBOT, limits=Limits(-0.6, 1.0, -1.5, 1.2, 1.5, 3.0, wheel_speed=0.9, track=0.5)
 )
 SETTINGS = AvoidanceSettings()
-HORIZON, STILL = SETTINGS.ahead.horizon, SETTINGS.ahead.horizon_still
+HORIZON = SETTINGS.ahead.horizon
 BOX = Box(-1.0, 1.0, -1.5, 1.5)
 ROBOTS = {
     "free": ROBOT,

@@ -1,5 +1,12 @@
 """Scenario files that several tests run."""
 
+import numpy as np
+import pytest
+
+from qpavoid.errors import ConfigError
+from qpavoid.lab.scenario.scenario import load_scenario
+from qpavoid.lab.worlds.crowd import Pedestrian
+
 CROSSING = """
 title = "A disc crosses the way"
 duration_s = 4.0
@@ -19,3 +26,34 @@ kind = "disc"
 position_m = [1.3, 0.7]
 velocity_mps = [0.0, -0.08]
 """
+
+
+def walker(number, begin, start, end, seconds=8.0):
+    times = begin + np.arange(0.0, seconds + 0.2, 0.4)
+    part = ((times - begin) / seconds)[:, None]
+    return Pedestrian(
+        number, times, np.array(start) * (1 - part) + np.array(end) * part
+    )
+
+
+MINIMAL = """
+title = "t"
+duration_s = 1.0
+[reference]
+kind = "station"
+pose = { x_m = 0.0, y_m = 0.0 }
+"""
+
+
+def write(folder, text, name="s.toml"):
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+def problems(folder, text):
+    with pytest.raises(ConfigError) as caught:
+        load_scenario(write(folder, text))
+    for line in caught.value.problems:
+        assert line.startswith(str(folder / "s.toml"))
+    return caught.value.problems

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import strategies as st
 
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Robot
@@ -63,3 +63,13 @@ def scene(rng, size=4):
         "disc_velocities": rng.normal(size=(size, 2)) * 0.4,
         "walls": rng.uniform(-3, 3, (2, 4)),
     }
+
+
+HALF = 6.0
+
+RADIUS = SafetyRadius().curve
+
+
+def box(x_1, y_1, x_2, y_2):
+    corners = [(x_1, y_1), (x_2, y_1), (x_2, y_2), (x_1, y_2)]
+    return [(*a, *b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]

@@ -18,10 +18,8 @@ from qpavoid.model.robot import Limits
 from qpavoid.tracking.clock import NEVER, Waiting, progress_rate
 from qpavoid.tracking.kanayama import Gains, KanayamaTracker
 from qpavoid.tracking.path import CubicPath, SplinePath
-from qpavoid.tracking.station import StationKeeping, StationTracker
 
 GAINS = Gains(2.0, 6.0, 4.0)
-LIMITS = Limits.symmetric(1.0, 1.5)
 UNLIMITED = Limits.symmetric(math.inf, math.inf)
 PATH = SplinePath(np.array([[0.0, 0.0], [2.0, 0.0], [4.0, 2.0], [6.0, 2.0]]), 0.5)
 GOAL = PATH.sample(np.array([1e9]))[0, :2]
@@ -159,19 +157,6 @@ def test_from_any_offset_the_pair_finishes(least, x, y, heading):
     energy += (1.0 - np.cos(apart[:, 2])) / GAINS.k_y
     assert np.diff(energy).max() < 1e-5
     assert DT * (len(progress) - 1) - progress[-1] < 2.0
-
-
-@settings(max_examples=25)
-@given(st.floats(-1.0, 1.0), angles)
-@pytest.mark.parametrize("least", [0.0, 0.05])
-def test_limits_do_not_stop_the_clock(least, y, heading):
-    station = StationTracker(GAINS, StationKeeping(), LIMITS)
-    waiting = Waiting(least_rate=least)
-    for tracker in (KanayamaTracker(GAINS), station):
-        start = (0.0, y, heading)
-        poses, _, progress = drive(start, waiting, LIMITS, tracker=tracker)
-        assert progress[-1] > PATH.duration
-        np.testing.assert_allclose(poses[-1, :2], GOAL, atol=0.05)
 
 
 @pytest.fixture(scope="module")

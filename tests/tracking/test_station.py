@@ -133,13 +133,6 @@ def test_error_is_the_reference_seen_from_the_robot(pose, reference):
     assert np.exp(1j * e_gamma) == pytest.approx(turn, abs=1e-12)
 
 
-def test_law_by_hand():
-    """v = 2 cos(π/3) + 9·0.1 and ω = 0.3 + 2·9·(−0.2) + 5 sin(π/3)."""
-    v, omega = kanayama((0.1, -0.2, math.pi / 3), (2.0, 0.3), (9.0, 9.0, 5.0))
-    assert v == pytest.approx(1.9)
-    assert omega == pytest.approx(-3.3 + 2.5 * math.sqrt(3))
-
-
 @given(
     st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(-1.0, 1.0), st.floats(-1, 1)
 )

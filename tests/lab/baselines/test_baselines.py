@@ -35,7 +35,6 @@ EVERY += [(name, HEAVY) for name in guided.NAMES]
 methods = pytest.mark.parametrize("name", NAMES)
 
 
-# ------------------------------------------------------------------- every method
 @pytest.mark.parametrize("name", [*NAMES, *guided.NAMES])
 @pytest.mark.parametrize("guide", [None, guided.towards(0.45, 0.17, (0.45, 0.17))])
 def test_far_from_everything_the_desired_twist_is_driven(name, guide):
@@ -44,14 +43,6 @@ def test_far_from_everything_the_desired_twist_is_driven(name, guide):
     for obstacles in (Obstacles(), far, far):
         decision = step(0.45, 0.17, obstacles, guide)
         assert decision[:3] == (0.45, 0.17, Status.TRACKING)
-
-
-@pytest.mark.parametrize("name", [*NAMES, *guided.NAMES])
-def test_one_point_and_discs_seen_from_a_pose(name):
-    discs = [[1.1, 0.2, 0.1], [1.2, -0.4, 0.2], [-0.9, 0.6, 0.1]]
-    seen = Obstacles([[1.5, 0.4]], discs).seen_from((0.1, 0.2, 0.3))  # columns first
-    step = guided.make(name, HEAVY, **SMALL.get(name, {})).start()
-    assert np.isfinite(step(0.4, 0.1, seen, towards(3.0, 0.5, (0.0, 0.0)))[:2]).all()
 
 
 @pytest.mark.parametrize(("name", "robot"), EVERY)
@@ -103,12 +94,6 @@ def test_same_again_and_mirrored(name, seed):
 def test_a_twist_that_is_not_finite_is_refused(name):
     with pytest.raises(InvalidInputError, match="twist"):
         start(name)(math.nan, 0.0, Obstacles())
-
-
-def test_tracking_alone_drives_through():
-    decision = start("alone")(0.5, 0.0, Obstacles(points=[[0.75, 0.0]]))
-    assert decision[:3] == (0.5, 0.0, Status.TRACKING)
-    assert decision.clearance == pytest.approx(0.0617, abs=1e-3)
 
 
 BESIDE = {

@@ -1,7 +1,6 @@
 """ORCA and what plans ahead: formulas against oracles, limits, closed loops."""
 
 import math
-import sys
 
 import numpy as np
 import pytest
@@ -9,13 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guided import NAMES, SETTINGS, make, towards
-from qpavoid.avoidance.decision import Status
-from qpavoid.errors import MissingExtraError
 from qpavoid.lab.baselines.drive import round_robot, wide_discs
 from qpavoid.lab.baselines.orca import (
     Near,
-    OrcaController,
-    violation,
 )
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.run import run
@@ -127,21 +122,3 @@ def test_orca_does_as_if_what_is_beyond_its_horizon_were_not_there(walls):
             for step, some in zip(steps, (walls, [*walls, *far]), strict=True)
         )
         assert near[:3] == both[:3]
-
-
-def test_orca_knows_what_its_lines_forbid():
-    method = make("orca")
-    discs = wide_discs(Obstacles(discs=[(2.0, 0.0, 0.3)]), SETTINGS)
-    near = Near(discs, [])
-    world = method.world(near, round_robot(ROBOT, method.ahead), 1.0)
-    found = method.evade(world, towards(), (0.5, 0.0), near)
-    assert violation(world, found) < 1e-5
-    assert violation(world, (0.9, 0.0)) > 0.1
-    surrounded = Obstacles(discs=[(1.0, 0, 0.3), (-0.9, 0, 0.3), (0, 0.9, 0.3)])
-    assert make("orca").start()(0.5, 0.0, surrounded).status is Status.RELAXED
-
-
-def test_orca_says_what_it_needs(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pyrvo", None)
-    with pytest.raises(MissingExtraError, match=r"qpavoid\[baselines\]"):
-        OrcaController(ROBOT, SETTINGS).start()

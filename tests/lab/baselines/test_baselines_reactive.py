@@ -26,7 +26,6 @@ SETUP = Baseline(MIR, AvoidanceSettings()).setup
 robots = pytest.mark.parametrize("robot", (MIR, HEAVY), ids=("quick", "heavy"))
 
 
-# ------------------------------------------------------------------ stop, and room
 @given(
     seed=seeds,
     v=st.floats(-1, 1),
@@ -86,7 +85,6 @@ def test_stop_and_wait_says_what_it_does():
     assert decisions[-1].status is Status.TRACKING
 
 
-# ------------------------------------------------------------------ potential field
 def energy(obstacles, pose, strength, reach):
     """U of all obstacles by the oracles' distances, at a pose."""
     seen, vertices = obstacles.seen_from(pose), MIR.footprint.vertices
@@ -118,7 +116,6 @@ def test_the_force_ends_at_its_reach_and_stays_finite_at_contact():
     assert at_contact == apf.force(-1.0, 1.0, 0.5) == (50 - 2) * 2500
 
 
-# -------------------------------------------------------------------------- VFH+
 @given(seed=seeds, heading=st.floats(-7, 7))
 def test_the_histogram_is_that_of_rays(seed, heading):
     """A sector is as bad as the nearest cell whose circle its ray meets."""
@@ -204,7 +201,6 @@ def test_a_robot_that_is_shut_in_holds():
     assert moving.status is Status.BRAKING and 0.0 < moving.v < 0.5
 
 
-# ---------------------------------------------------------------- dynamic window
 @given(seed=seeds)
 def test_the_window_holds_what_a_rollout_admits_and_its_best(seed):
     rng = np.random.default_rng(seed)

@@ -82,18 +82,6 @@ def test_limits_hold_from_the_twist_driven_last_to_rest():
     assert (changes <= times[:, None] * most + 1e-3).all()
 
 
-def test_a_mirror_image_is_driven_in_the_mirror():
-    bands = []
-    for side in (1.0, -1.0):
-        discs = [(1.7, 0.15 * side, 0.3), (2.5, -0.8 * side, 0.2)]
-        near = Obstacles(discs=discs, disc_velocities=[(0.0, 0.1 * side), (-0.2, 0.0)])
-        bands.append(planned(near))
-    for band, mirrored in zip(*bands, strict=True):
-        assert mirrored.cost == pytest.approx(band.cost, rel=1e-2)
-        assert mirrored.poses * (1.0, -1.0, -1.0) == pytest.approx(band.poses, abs=0.05)
-    assert np.abs(bands[0][0].poses[:, 1]).max() > 0.3
-
-
 def test_where_no_band_keeps_clear_it_relaxes_or_brakes():
     both = [(1.3, 0.0, 0.3), (-1.3, 0.0, 0.3)]
     closing = Obstacles(discs=both, disc_velocities=[(-1.5, 0.0), (1.5, 0.0)])

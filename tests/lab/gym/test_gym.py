@@ -1,13 +1,12 @@
 """Environments: the interfaces' own tests, the simulation, the shield."""
 
-import sys
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.errors import InvalidInputError, MissingExtraError, UnknownNameError
+from qpavoid.errors import InvalidInputError, UnknownNameError
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.outcome import outcome_of
 from qpavoid.lab.simulation.run import run
@@ -131,20 +130,6 @@ def test_an_episode_ends_at_the_goal_or_in_time(place):
     assert ends == [(False, False)] * 79 + [(False, True)]
 
 
-def test_gymnasium_makes_many_of_them():
-    many = gymnasium.make_vec(
-        "qpavoid/Scenario-v0", 2, "sync", source=Harmless(), seeds=range(4)
-    )
-    one = qgym.ScenarioEnv(Harmless(), range(4))
-    rows, _ = many.reset(options={"scene": 2})
-    row, _ = one.reset(options={"scene": 2})
-    for action in np.random.default_rng(1).uniform(-1.0, 1.0, (10, 2)):
-        np.testing.assert_array_equal(rows, np.tile(row, (2, 1)))
-        rows, rewards, *_ = many.step(np.tile(action, (2, 1)))
-        row, reward, *_ = one.step(action)
-        assert set(rewards) == {reward}
-
-
 def test_the_shield_keeps_off_and_says_what_it_costs(place):
     env = qgym.ShieldedEnv(qgym.ScenarioEnv(place(CROSSING, WALL)))
     env.reset()
@@ -249,13 +234,6 @@ def test_what_is_not_simulated_is_refused(place):
         qgym.ScenarioEnv(place(CROSSING, kind))
     with pytest.raises(UnknownNameError, match="demo/strangers"):
         qgym.ScenarioEnv("demo/stranger")
-
-
-def test_without_the_packages_the_extra_is_named(monkeypatch):
-    monkeypatch.setitem(sys.modules, "gymnasium", None)
-    monkeypatch.delitem(sys.modules, "qpavoid.gym")
-    with pytest.raises(MissingExtraError, match=r"qpavoid\[gym\]"):
-        import qpavoid.gym  # noqa: F401
 
 
 def test_the_example_runs():

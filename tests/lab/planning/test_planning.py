@@ -8,10 +8,8 @@ import pytest
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from qpavoid.errors import UnknownNameError
 from qpavoid.lab.planning.grid import SEARCHES, Grid, cheapest_way
 from qpavoid.lab.planning.planner import Planner, PlannerSettings, PlanningProblem
-from qpavoid.lab.scenario.methods import Method, find_method
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.run import run
 from qpavoid.model.obstacles import Obstacles
@@ -185,25 +183,6 @@ def test_without_a_way_it_stands_until_there_is_one():
     assert (stop == [*here, 0.0, 0.0]).all()
     assert free(2.0, here, 0.0, Obstacles(fence)) is None
     assert free(3.0, here, 0.0, Obstacles()) is not None
-
-
-def test_names():
-    assert find_method("qp") == Method("qp")
-    assert find_method("astar") == Method("alone", "astar")
-    assert find_method("dijkstra+eq5") == Method("eq5", "dijkstra")
-    wanted = Method("qp-ahead", "astar", guided=True)
-    assert find_method("astar+qp-ahead+guide") == wanted
-    for wrong in (
-        "",
-        "+",
-        "guide",
-        "astar+",
-        "eq5+astar",
-        "astar+astar",
-        "astar+guide+",
-    ):
-        with pytest.raises(UnknownNameError):
-            find_method(wrong)
 
 
 @pytest.mark.parametrize("name", ["astar", "dijkstra", "astar+eq5", "astar+qp-ahead"])

@@ -3,16 +3,17 @@
 import itertools
 import json
 import math
+import os
+import shutil
 import time
 import tomllib
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
 
-from browser import chromium, opened
-from parked import BESIDE, PARKED
 from qpavoid.cli import main
 from qpavoid.errors import MissingExtraError, QPAvoidError, UnknownNameError
 from qpavoid.export.build import zig
@@ -38,6 +39,33 @@ def needs_program(test):
     """The first of these compiles for half a minute."""
     return pytest.mark.long(without_program(test))
 
+
+PARKED = """
+title = "Parked beside a disc"
+duration_s = 10.0
+dt_s = 0.02
+[reference]
+kind = "station"
+pose = { x_m = 0.0, y_m = 0.0 }
+[robot]
+acceleration_mps2 = 2.0
+angular_acceleration_radps2 = 2.5
+[tracking]
+station_keeping = true
+[margins]
+error_m = 0.02
+acceleration_mps2 = 1.0
+[[obstacles]]
+kind = "disc"
+position_m = [2.5, 0.1]
+radius_m = 0.25
+[[obstacles]]
+kind = "wall"
+start_m = [-3.0, -4.0]
+end_m = [3.0, -4.0]
+"""
+
+BESIDE = (2.5, 0.1)
 
 CART = """
 [[obstacles]]
@@ -372,3 +400,63 @@ def test_the_command_writes_a_page(config, tmp_path, capsys):
     assert main(["play", str(config), "--out", str(page), "--no-open"]) == 0
     assert capsys.readouterr().out.strip() == str(page)
     assert 200_000 < page.stat().st_size < 1_000_000
+
+
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+FLAGS = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+
+
+@contextmanager
+def chromium():
+    """A headless Chromium; the test is skipped where there is none."""
+    sync_api = pytest.importorskip(
+        "playwright.sync_api", reason="no playwright: pip install 'qpavoid[test]'"
+    )
+    path = os.environ.get("QPAVOID_CHROMIUM") or next(
+        filter(None, map(shutil.which, NAMES)), None
+    )
+    if path is None:
+        pytest.skip(f"no Chromium: none of {', '.join(NAMES)}; set QPAVOID_CHROMIUM")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+@contextmanager
+def opened(browser, url, width=1280, height=900, dark=False, errors_allowed=False):
+    """A page at a URL; it must say no errors and ask nobody but its own server."""
+    scheme = "dark" if dark else "light"
+    context = browser.new_context(
+        viewport={"width": width, "height": height}, color_scheme=scheme
+    )
+    page, errors, outside = context.new_page(), [], []
+
+    def said(message):
+        if message.type in ("error", "warning"):
+            errors.append(message.text)
+
+    def asked(request):
+        if request.url.startswith(("data:", "blob:", "about:")):
+            return
+        own, other = urlsplit(url), urlsplit(request.url)
+        served = own.netloc and own.netloc == other.netloc
+        if not served and request.url != url.partition("#")[0]:
+            outside.append(request.url)
+
+    page.on("console", said)
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.on("request", asked)
+    page.goto(url)
+    yield page
+    context.close()
+    assert errors_allowed or errors == [], errors
+    assert outside == [], outside

@@ -180,23 +180,6 @@ def test_what_takes_other_arguments_is_said(tmp_path, method, message):
     assert run(scene(tmp_path), Bare()).meta["controller"] == "Bare"
 
 
-@pytest.mark.parametrize(
-    ("name", "alone"),
-    [
-        ("dwa+guide", "dwa"),
-        ("astar+qp", "qp"),
-        ("astar", "alone"),
-        ("astar+qp-ahead+guide", "qp-ahead"),
-    ],
-)
-def test_planners_and_stages_are_of_a_run(name, alone):
-    message = f"planners and stages are of a run; a controller is '{alone}'"
-    with pytest.raises(InvalidInputError, match=message):
-        methods.make_controller(name, qp.Robot.mir100(), qp.AvoidanceSettings())
-    with pytest.raises(UnknownNameError, match="unknown controller 'dwaa"):
-        methods.make_controller("dwaa+guide", qp.Robot.mir100(), None)
-
-
 def test_methods_of_the_package_are_not_looked_for_elsewhere(mine):
     before = [*sys.path]
     for name in methods.REGISTRY:

@@ -6,11 +6,11 @@ import shutil
 import numpy as np
 import pytest
 
-from minimal import MINIMAL, problems, write
 from qpavoid.errors import ConfigError, DataError, UnknownNameError
 from qpavoid.lab.scenario.config import builtin_configs, find_config
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.scenario.world import ABSENT, Track
+from scenario_files import MINIMAL, problems, write
 
 
 def test_shipped_scenarios_are_listed_and_valid(data_folder):

@@ -2,10 +2,10 @@
 
 import pytest
 
-from minimal import MINIMAL, problems, write
 from qpavoid.avoidance.settings import Margins
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.model.robot import Limits
+from scenario_files import MINIMAL, problems, write
 
 
 @pytest.mark.parametrize("addition", ["dt_s = nan\n", "dt_s = true\n", "seed = 1.5\n"])

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from minimal import MINIMAL, write
 from places import ROOT
 from qpavoid.cli import main
 from qpavoid.guide.settings import GuideSettings
@@ -22,6 +21,7 @@ from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.study.sweep.study import StudyModel
 from qpavoid.perception.settings import PerceptionSettings
 from qpavoid.tracking.kanayama import Gains
+from scenario_files import MINIMAL, write
 
 sys.path.append(str(ROOT / "docs"))
 from keys import key_tables

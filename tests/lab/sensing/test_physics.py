@@ -2,21 +2,20 @@
 
 import dataclasses
 import math
-import sys
 
 import numpy as np
 import pytest
 
 pytest.importorskip("mujoco", reason="needs qpavoid[mujoco]")
 
-from minimal import MINIMAL, problems, write
-from qpavoid.errors import InvalidInputError, MissingExtraError
+from qpavoid.errors import InvalidInputError
 from qpavoid.lab.scenario.config import changed, find_config, read_document
 from qpavoid.lab.scenario.scenario import load_scenario, make_scenario
 from qpavoid.lab.sensing.physics import Patch, Physics, PhysicsRun
 from qpavoid.lab.simulation.run import run, run_fleet
 from qpavoid.lab.study.metrics import metrics
 from qpavoid.model.kinematics import arc, integrate, wrap_angle
+from scenario_files import MINIMAL, problems, write
 
 DT, GRAVITY = 0.02, 9.81
 AT_ONCE = {"delay": 0.0, "lag": 0.0}
@@ -61,16 +60,6 @@ def test_slowly_on_a_flat_floor_it_drives_as_the_kinematic_plant(
     x, y, heading = arc(*begin, *twist, 5.0)
     assert math.hypot(end[0] - x, end[1] - y) < far
     assert abs(wrap_angle(end[2] - heading)) < turned
-
-
-def test_its_mean_twists_lead_where_it_is():
-    rng = np.random.default_rng(0)
-    commands = rng.uniform([-0.5, -1.5], [2.0, 1.5], (150, 2))
-    run, found = drive(Physics("skid-steer"), commands)
-    before, after = found[0][0], found[-1][0]
-    assert math.hypot(after[0] - before[0], after[1] - before[1]) > 0.5
-    offset = np.subtract(run.pose, after)
-    assert abs(offset[:2]).max() < 1e-4 and abs(wrap_angle(offset[2])) < 1e-4
 
 
 def test_a_skid_steered_base_turns_as_coulomb_s_law_says():
@@ -150,32 +139,6 @@ def test_a_slippery_patch_under_one_side_turns_a_braking_base():
     assert found[-1][1].ground[0] > 0.2  # it still slides
 
 
-@pytest.mark.parametrize("dt", [0.004, 0.01, 0.013, 0.05])
-def test_any_control_step_is_driven_in_full(dt):
-    steps = round(3.0 / dt)
-    run, _ = drive(Physics(**AT_ONCE), [(0.2, 0.0)] * steps, (0.0, 0.0, 0.0), dt)
-    assert run.data.time == pytest.approx(steps * dt, abs=1e-9)
-    assert run.pose[0] == pytest.approx(0.2 * (steps * dt - 0.05), abs=0.005)
-
-
-def test_twice_the_same_to_the_last_bit():
-    ground = {
-        "patches": (Patch((1.0, 0.0), (1.0, 1.0)),),
-    }
-    commands = np.random.default_rng(1).uniform([-0.2, -1.0], [1.0, 1.0], (100, 2))
-    (_, one), (_, same) = (
-        drive(Physics("skid-steer", **ground), commands) for _ in range(2)
-    )
-    assert one == same
-
-
-@pytest.fixture(scope="module")
-def scenario():
-    plant = Physics(delay=0.0)
-    case = load_scenario("paper/test_case_1")
-    return dataclasses.replace(case, plant=plant, duration=8.0)
-
-
 GROUND = """
 [plant]
 kind = "mujoco"
@@ -214,12 +177,6 @@ def test_the_file_says_it_all(tmp_path):
 def test_bad_settings_are_said(tmp_path, old, new, said):
     first, *_ = problems(tmp_path, MINIMAL + GROUND.replace(old, new, 1))
     assert said in first
-
-
-def test_without_the_extra_it_says_so(monkeypatch):
-    monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(MissingExtraError, match=r"qpavoid\[mujoco\]"):
-        Physics().start()
 
 
 @pytest.mark.parametrize("name", ["demo/jackal_mujoco", "demo/mir_mujoco"])

@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from shapely import Polygon
 
-from minimal import problems, write
-from outlines import outlines
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.log import Log
@@ -15,7 +14,7 @@ from qpavoid.lab.simulation.run import RobotObstacle, run, run_fleet
 from qpavoid.lab.study.plots import frames
 from qpavoid.model.kinematics import integrate, to_world
 from qpavoid.model.obstacles import Obstacles
-from scenario_files import CROSSING, SLOW
+from scenario_files import CROSSING, SLOW, write
 from shapes import ELL, SHIFTED
 
 HEAD = """
@@ -154,23 +153,6 @@ def test_a_robot_may_have_a_controller_of_its_own(tmp_path):
     assert logs[1].meta["driver"] == "eq5"
 
 
-def test_mistakes_are_told_with_their_place(tmp_path):
-    ways = ALONG + robot(0.0, 0.0, 0.0, 0.0)
-    (line,) = problems(tmp_path, HEAD + ways)
-    assert "robots[1]: reference: " in line and "distinct" in line
-    (line,) = problems(tmp_path, HEAD + '[[robots]]\nkind = "one"\n')
-    assert "robots[0]: reference: field required" in line
-    (line,) = problems(tmp_path, HEAD + '[[robots]]\nkind = "ring"\n')
-    assert "robots[0]: unknown kind 'ring'" in line and "circle" in line
-    (line,) = problems(tmp_path, HEAD + ALONG + "jiter_m = 1.0\n".join(["", ""]))
-    assert "robots[0].reference.jiter_m: unknown key" in line
-    full = (
-        '[[robots]]\nkind = "random"\ncount = 9\nspeed_mps = 1.0\nlow_m = [0.0, 0.0]\n'
-    )
-    (line,) = problems(tmp_path, HEAD + full + "high_m = [1.0, 1.0]\n")
-    assert "robots[0]: no places for 9 robots were found" in line
-
-
 def test_run_wants_one_robot(three):
     with pytest.raises(InvalidInputError, match="has 3 robots: see run_fleet"):
         run(three[0], "qp-ahead")
@@ -203,3 +185,10 @@ def test_a_robot_of_several_parts_is_logged_drawn_and_met_by_another(tmp_path):
     (axes,) = frames([log], times=(0.0,)).axes
     whole = [x for x in axes.patches if x.get_facecolor()[:3] == (1.0, 1.0, 1.0)]
     assert [len(x.get_xy()) - 1 for x in whole] == [4, 3]
+
+
+def outlines(log):
+    """Return that of a robot at every control step and after the last."""
+    columns = (log[key].tolist() for key in ("x_m", "y_m", "heading_rad"))
+    poses = [*zip(*columns, strict=True), tuple(log.final.tolist())]
+    return [Polygon(to_world(log.vertices, pose)) for pose in poses]

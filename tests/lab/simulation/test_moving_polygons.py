@@ -7,16 +7,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from qpavoid import Log
 from qpavoid.errors import ConfigError
-from qpavoid.lab.baselines.drive import wide_lines
-from qpavoid.lab.baselines.mppi import Judgement, depth_within
 from qpavoid.lab.planning.grid import Grid
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.run import run
-from qpavoid.model.capsules import CAPSULE_WIDTH, RADIUS, X1, Y2
-from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import Obstacles
-from shapes import ROBOT, SAFETY
 
 SCENARIO = """
 title = "A cart turns across the way"
@@ -70,7 +65,6 @@ def gap(log, step):
     return min(gaps + discs)
 
 
-# --------------------------------------------------------------------- the scenario
 def test_a_polygon_of_a_scenario_moves_and_turns(scenario):
     for time in (0.0, 1.5, 9.0):
         world = scenario.world.at(time)
@@ -93,7 +87,6 @@ def test_what_is_no_polygon_is_an_error_of_the_file(tmp_path, vertices):
         load_scenario(file)
 
 
-# ------------------------------------------------------------------------- the runs
 def test_the_clearance_of_a_log_is_that_of_shapely(log):
     for step in range(0, len(log), 5):
         if log["clearance_m"][step] > 0:
@@ -109,22 +102,6 @@ def test_a_log_keeps_its_polygons(log, tmp_path):
     assert_allclose(again.polygons_at(40)[0], CART.moved(2.0).polygons[0])
 
 
-# ----------------------------------------------------------------------- the filter
-
-
-def test_a_polygon_that_turns_towards_the_robot_is_moving():
-    """At rest in its middle, its near edge comes: the row says how fast."""
-    bar = np.array([[0.95, -2.0], [1.05, -2.0], [1.05, 2.0], [0.95, 2.0]])
-    turning = Obstacles(polygons=[bar + [0, 2]], polygon_velocities=[(0, 0, -0.3)])
-    contacts = Contacts.of(ROBOT.footprint, turning)
-    assert np.hypot(*contacts.velocity.T).max() > 0.5
-    assert SAFETY.filter(0.0, 0.0, turning).v < 0.0
-
-
-# ---------------------------------------------------------------------- what is seen
-
-
-# ------------------------------------------------------------------ grids and detours
 def test_a_grid_is_marked_within_a_polygon():
     grid = Grid.around(np.array([[0.0, 0.0], [3.0, 2.0]]), 0.5, 0.1)
     grid.mark(CART, 1.0)
@@ -133,23 +110,3 @@ def test_a_grid_is_marked_within_a_polygon():
     solid = shapely.Polygon(BOX)
     assert all(solid.distance(shapely.Point(p)) < 0.08 for p in places)
     assert len(places) >= solid.area / 0.01
-
-
-# -------------------------------------------------------------------- the baselines
-
-
-def test_mppi_sees_polygons_where_they_will_be():
-    lines, edges = wide_lines(CART, SAFETY.settings), ROBOT.footprint.edges
-    r_min, empty = lines[0, RADIUS], np.empty((0, 5))
-    assert 0.17 < r_min <= 0.23 and lines.shape == (4, CAPSULE_WIDTH)
-    for time in (0.0, 2.0, 5.0):
-        for x in (0.3, 0.9):
-            pose = (x, 0.3, 0.2)
-            none, still = np.empty(0), np.empty((0, 3))
-            known = edges, ROBOT.limit_vector, empty, none, lines, r_min, still
-            by = Judgement(*known, (0.0, 0.0), (0.0, 0.0))
-            depth = depth_within(by, pose, time)
-            there = CART.moved(time).seen_from(pose)
-            walls = Obstacles(walls=there.capsules[:, X1 : Y2 + 1])
-            gaps = Contacts.of(ROBOT.footprint, walls).distance
-            assert depth == pytest.approx(max(0.0, r_min - gaps.min()), abs=1e-9)

@@ -21,7 +21,6 @@ from qpavoid.lab.study.bags import BagWriter, Event, Recording, bag_drive
 from qpavoid.lab.study.identify import bagged, identify
 from qpavoid.lab.study.replay import (
     PIONEER,
-    episodes,
     replay,
     robot_of,
     setup_for,
@@ -331,19 +330,6 @@ def test_a_bag_whose_stamps_nobody_filled_in(tmp_path):
             bag.put("/cmd_vel", TWIST, START + k, ros.twist(0.1))
     with pytest.raises(DataError, match=r"all 5 messages of its .scan are stamped 0 s"):
         bag_drive(tmp_path / "bag", None, "")
-
-
-def test_stretches_of_changed_commands():
-    row = {"v_mps": 0.5, "omega_radps": 0.0, "omega_given_radps": 0.1, "why": "relaxed"}
-    rows = [
-        {**row, "time_s": 5.0 + k, "v_given_mps": 0.1 * k, "changed": k in (0, 2, 3),
-         "clearance_m": math.nan if k == 2 else 0.1 * k}
-        for k in range(5)
-    ]  # fmt: skip
-    first, second = episodes(rows)
-    assert (first["begins_s"], first["lasts_s"], first["commands"]) == (0.0, 0.0, 1)
-    assert (second["begins_s"], second["lasts_s"], second["commands"]) == (2.0, 1.0, 2)
-    assert second["most_dv_mps"] == 0.3 and second["least_clearance_m"] == 0.3
 
 
 def test_the_command_its_files_and_its_gate(tmp_path, capsys):

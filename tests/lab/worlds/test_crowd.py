@@ -16,7 +16,7 @@ from qpavoid.lab.worlds.crowd import (
     read_tracks,
     task_document,
 )
-from walkers import walker
+from scenario_files import walker
 
 
 @pytest.fixture
