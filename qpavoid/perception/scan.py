@@ -76,11 +76,14 @@ MOST_BORDER = 3
 NO_ECHO_FREE, NO_ECHO_UNKNOWN = 1.0, 2.0
 """Meaning of a beam without an echo; 0: it is found out."""
 
-TRIPLE_ALIKE, LEAST_TRIPLES, LOST, TRIPLES_KEPT, FAR_ECHO = 0.3, 300.0, 0.08, 0.998, 0.5
+TRIPLE_ALIKE, LEAST_TRIPLES, LOST, TRIPLES_KEPT = 0.3, 100.0, 0.01, 0.998
 """m by which two neighbours of a lost echo differ at most; number of such triples from
 which their share of lost echoes counts; the share from which no echo is unknown; share
-of the counts that is kept from scan to scan; share of the greatest range beyond which
-a scan has an echo, or else no echo is unknown."""
+of the counts that is kept from scan to scan."""
+
+FAR_ECHO, OPEN_SPACE = 0.5, 0.5
+"""No echo is unknown unless an echo is beyond this share of the greatest range, or more
+than this share of the beams has none."""
 
 
 class Sensor(NamedTuple):
@@ -111,9 +114,11 @@ def judge_no_echo(scan: Table, sensor: Sensor, counts: Array) -> None:
     echo lost it. ``counts`` (2,) are such triples, and those that lost an echo. In a
     place much smaller than the range of the sensor all beams meet a surface.
     """
-    n, far = scan.shape[0], False
+    n, far, none = scan.shape[0], False, 0
     for k in range(n):
         far = far or FAR_ECHO * sensor.range_max < scan[k].range < math.inf
+        none += 1 if scan[k].range == math.inf else 0
+    far = far or none > OPEN_SPACE * n
     counts[0], counts[1] = TRIPLES_KEPT * counts[0], TRIPLES_KEPT * counts[1]
     for k in range(1, n - 1):
         left, right = scan[k - 1].range, scan[k + 1].range

@@ -33,8 +33,8 @@ class Lidar:
         delay: s by which stamps are later than the first beam.
         no_echo: Meaning of a range of ``inf``: ``free``, as REP 117 says; ``unknown``,
             as with a cheap sensor that loses dark and oblique surfaces; ``auto``:
-            unknown until, and unless, at most 8 % of the echoes between two others are
-            lost, and in a scan without an echo beyond half of ``range_max``.
+            free while at most 1 % of the echoes between two others are lost, in a scan
+            with an echo beyond half of ``range_max``, or with few echoes.
         angle_error: rad; σ of a beam's direction in the map, from sensor and pose.
 
     Raises:
