@@ -9,13 +9,7 @@ the matches tell little (along a corridor) keeps the odometry's step.
 import math
 
 from qpavoid.compiled import compiled_once
-from qpavoid.perception.local_map import (
-    CELL,
-    Cell,
-    cell_of,
-    holds,
-    row_of,
-)
+from qpavoid.perception.local_map import CELL, Cell, cell_of, holds, row_of
 from qpavoid.types import Array, Pose, Table
 
 ALIGN_ROUNDS, MOST_MATCHED, LEAST_MATCHED = 4, 180, 20

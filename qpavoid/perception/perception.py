@@ -14,24 +14,11 @@ from qpavoid.model.obstacles import NO_OBSTACLES, Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.model.validation import as_number, as_pose, as_rows
 from qpavoid.perception.alignment import SYSTEM
-from qpavoid.perception.local_map import (
-    CELL,
-    CELL_STATE,
-    HALF,
-    SIDE,
-)
-from qpavoid.perception.scan import (
-    NO_ECHO_FREE,
-    NO_ECHO_UNKNOWN,
-    RAY,
-    Sensor,
-)
+from qpavoid.perception.local_map import CELL, CELL_STATE, HALF, SIDE
+from qpavoid.perception.scan import NO_ECHO_FREE, NO_ECHO_UNKNOWN, RAY, Sensor
 from qpavoid.perception.segments import GROUP, MOST_SEGMENTS
 from qpavoid.perception.settings import Lidar, PerceptionSettings
-from qpavoid.perception.tracks import (
-    FOLLOWED,
-    MOST_TRACKS,
-)
+from qpavoid.perception.tracks import FOLLOWED, MOST_TRACKS
 from qpavoid.perception.update import (
     MAP_STATE,
     Found,
@@ -333,12 +320,7 @@ class Perception:
         if len(self._found.points) < most:
             self._found = self._found._replace(points=np.zeros((most, 2)))
         points, discs = obstacles_at(
-            self.memory,
-            self._scan,
-            self.robot.footprint.edges,
-            pose,
-            time,
-            self._found,
+            self.memory, self._scan, self.robot.footprint.edges, pose, time, self._found
         )
         return Obstacles.of(self._found.points[:points], self._found.capsules[:discs])
 

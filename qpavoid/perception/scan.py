@@ -8,11 +8,7 @@ import math
 from typing import NamedTuple
 
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.perception.local_map import (
-    CELL,
-    Cell,
-    is_ever_free,
-)
+from qpavoid.perception.local_map import CELL, Cell, is_ever_free
 from qpavoid.types import Array, Pose, Table, layout
 
 

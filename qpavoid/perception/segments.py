@@ -9,9 +9,7 @@ import math
 from typing import NamedTuple
 
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.perception.scan import (
-    Sensor,
-)
+from qpavoid.perception.scan import Sensor
 from qpavoid.types import Row, Table, layout
 
 

@@ -10,20 +10,9 @@ import math
 from typing import NamedTuple
 
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.perception.local_map import (
-    Cell,
-    Moment,
-    cell_of,
-    is_ever_free,
-    row_of,
-)
-from qpavoid.perception.scan import (
-    beam_towards,
-    sees_through,
-)
-from qpavoid.perception.segments import (
-    View,
-)
+from qpavoid.perception.local_map import Cell, Moment, cell_of, is_ever_free, row_of
+from qpavoid.perception.scan import beam_towards, sees_through
+from qpavoid.perception.segments import View
 from qpavoid.types import Row, Table, layout
 
 

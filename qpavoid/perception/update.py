@@ -12,11 +12,7 @@ from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.model.capsules import CAPSULE_WIDTH, Rigid, Segment, set_capsule
 from qpavoid.model.contact import point_contact
 from qpavoid.model.kinematics import wrap_angle
-from qpavoid.perception.alignment import (
-    SYSTEM,
-    align,
-    drop_bodies,
-)
+from qpavoid.perception.alignment import SYSTEM, align, drop_bodies
 from qpavoid.perception.local_map import (
     CELL_SIZE,
     CELL_STATE,
