@@ -38,8 +38,9 @@ STANDSTILL: Twist = (0.0, 0.0)
 COMMAND = "cmd_vel_in"
 """Name of the command among the inputs; an old one is no fault."""
 
-AT_END, STANDING_TWIST = (0.05, 0.1), 0.01
-"""m and rad, and m/s and rad/s, within which the robot has arrived."""
+AT_END, STANDING_TWIST, AT_REST = (0.05, 0.1), 0.01, 0.5
+"""m and rad; m/s and rad/s; s: the robot has arrived if it has been within these
+distances of the end and stood for that time: between two turns it stands, too."""
 
 OUTLINE_MOVED = 0.005
 """m; motion of a corner that makes a new footprint."""
@@ -103,6 +104,7 @@ class Guard:
 
     def __init__(self, setup: GuardSetup, wiring: Wiring) -> None:
         self.wiring, self.driven, self._desired = wiring, STANDSTILL, STANDSTILL
+        self._stood = 0.0
         self.errors, self._notes = dict[str, str](), dict[str, str]()
         names = (*wiring.topics, COMMAND)
         self.inputs = InputMonitor(dict.fromkeys(names, 0.0), 0.0, Latch(math.inf))
@@ -244,8 +246,8 @@ class Guard:
     @property
     def has_arrived(self) -> bool:
         """Whether the robot is at rest at the end of its task."""
-        (away, turn), twist = self.tasks.left, max(map(abs, self.driven))
-        return away < AT_END[0] and turn < AT_END[1] and twist < STANDING_TWIST
+        away, turn = self.tasks.left
+        return away < AT_END[0] and turn < AT_END[1] and self._stood >= AT_REST
 
     def command(self, message: Any, now: float, steady: float) -> None:
         """Register a desired twist; an invalid one is standing still."""
@@ -285,6 +287,8 @@ class Guard:
         if step.decision is None:
             step = self._braked(step, self._known(now, faults))
         self.driven = step.v, step.omega
+        stands = max(map(abs, self.driven)) < STANDING_TWIST
+        self._stood = self._stood + self.setup.settings.dt if stands else 0.0
         self.sensing.drives(*self.driven)
         if not self.wiring.odometry:
             trail = self.odometry.trail

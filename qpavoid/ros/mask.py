@@ -35,19 +35,24 @@ CELL_STRIDE = 1 << 20
 PARALLEL_BEAM = 1e-9
 """Sine of the angle below which a beam counts as parallel to an edge."""
 
+MITRE = 20.0
+"""Greatest motion of a corner relative to that of its edges: angles above 6 degrees."""
+
 SPACING = 0.1
 """m; grid of the points that bound an unknown sector, one per cell."""
 
 
-def outside(footprint: Footprint, points: Array) -> Array:
-    """Return how far points (n, 2) lie outside of a footprint's edges (n,), m.
+def inside(footprint: Footprint, points: Array, margin: float = 0.0) -> Flags:
+    """Return which points (n, 2) lie in a footprint, m.
 
-    At most their distance; negative inside.
+    Its edges are moved out by a margin, corners by :data:`MITRE` margins at most.
     """
-    edges = footprint.edges
-    reach = (edges[:, :2] * edges[:, 2:4]).sum(axis=1)
-    beyond = edges[:, 2:4] @ points.T - reach[:, None]
-    return np.asarray(np.maximum.reduceat(beyond, footprint.starts, axis=0).min(axis=0))
+    edges, starts = footprint.edges, footprint.starts
+    found = np.hypot(*points.T) <= footprint.circumradius + MITRE * margin
+    reach = (edges[:, :2] * edges[:, 2:4]).sum(axis=1) + margin
+    beyond = edges[:, 2:4] @ points[found].T - reach[:, None]
+    found[found] = (np.maximum.reduceat(beyond, starts, axis=0) <= 0.0).any(axis=0)
+    return np.asarray(found)
 
 
 class OwnPlaces:

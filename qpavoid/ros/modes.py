@@ -20,7 +20,7 @@ from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import TINY, to_world, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.ros.frames import Frames
-from qpavoid.ros.mask import outside
+from qpavoid.ros.mask import inside
 from qpavoid.ros.messages import UNREADABLE, Poses, read_poses
 from qpavoid.ros.odometry import Odometry
 from qpavoid.settings import POSITIVE, Range, check, want
@@ -99,10 +99,10 @@ def docking(asked: Request, at: Pose, region: Footprint, speed: float) -> Reques
     """
     (v, omega), seen, _ = asked
     places, count = to_world(middles(seen), at), len(seen.points)
-    inside = outside(region, places) <= 0.0
-    kept = ~inside[count:] | (seen.speeds > TINY)
-    rest = Obstacles.of(seen.points[~inside[:count]], seen.capsules[kept])
-    note = f"{inside[:count].sum()} points in the dock are exempt"
+    exempt = inside(region, places)
+    kept = ~exempt[count:] | (seen.speeds > TINY)
+    rest = Obstacles.of(seen.points[~exempt[:count]], seen.capsules[kept])
+    note = f"{exempt[:count].sum()} points in the dock are exempt"
     return Request((min(max(v, -speed), speed), omega), rest, note)
 
 

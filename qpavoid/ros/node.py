@@ -3,7 +3,7 @@
 Role ``filter``: ``cmd_vel_in`` → ``cmd_vel_out``. Role ``guide``: ``goal_pose``,
 ``path``, ``stay``, and with nav2_msgs the action ``follow_path`` → ``cmd_vel_out`` and
 ``blocked``. Sensors are named by :class:`qpavoid.ros.parameters.Wiring`; an Empty on
-``~/acknowledge`` opens the latch. Further outputs are in :data:`OUTPUTS`.
+``~/acknowledge`` opens the latch. Further outputs are in ``SafetyNode.OUTPUTS``.
 
 A twist is published when a scan arrives and ``dt_s`` has passed since the last one, and
 without a scan after ``dt_s`` (1 + ``actuation.jitter``): without commands the robot
@@ -39,7 +39,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import LaserScan, PointCloud2
-from std_msgs.msg import Bool, ColorRGBA, Empty, Float64
+from std_msgs.msg import Bool, ColorRGBA, Empty
 from visualization_msgs.msg import Marker, MarkerArray
 
 from qpavoid.avoidance.decision import Status
@@ -49,7 +49,7 @@ from qpavoid.ros.guard import Guard, GuardStep
 from qpavoid.ros.messages import NANOSECOND
 from qpavoid.ros.nav2 import Bond, FollowPathServer
 from qpavoid.ros.parameters import TF, Wiring, defaults, preset, setup_of
-from qpavoid.ros.report import Drawing, bounds, diagnose, markers, warm
+from qpavoid.ros.report import bounds, diagnose, markers, warm
 from qpavoid.types import Pair
 
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -59,21 +59,11 @@ MANY = QoSProfile(depth=100)
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """QoS of tf, and of static tf."""
 
-MARKERS_EVERY, DIAGNOSTICS_EVERY = 0.2, 1.0
-"""s; periods of markers and feedback, and of diagnostics."""
+SHOWN_EVERY = 0.2
+"""s; period of the outputs for display."""
 
 TASKS = {"goal_pose": PoseStamped, "path": Path, "stay": PoseStamped}
 """Topics of the guide role."""
-
-OUTPUTS = {
-    "~/markers": MarkerArray,
-    "~/local_map": OccupancyGrid,
-    "~/latency": Float64,
-    "~/feedback": DiagnosticStatus,
-    "~/bounds": PoseArray,
-    "/diagnostics": DiagnosticArray,
-}
-"""Topics of both roles."""
 
 KINDS = {
     "scan": LaserScan,
@@ -105,9 +95,8 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         self._timer: Any = None
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._latency: deque[float] = deque(maxlen=1000)
-        self._due, self._drawn, self._told = 0.0, 0.0, 0.0
+        self._due, self._shown, self._state = 0.0, 0.0, ""
         self._arrival, self._answered = 0.0, 0.0
-        self._steps, self._state = 0, ""
 
     def _own(self, name: str, default: Any, fixed: bool = False) -> Any:
         """Declare a parameter and return its value."""
@@ -163,7 +152,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         self._hear(Empty, "~/acknowledge", lambda _: guard.inputs.latch.acknowledge())
         if wiring.footprint:
             self._hear(PolygonStamped, wiring.footprint, guard.outline)
-        said = {"cmd_vel_out": twist, **OUTPUTS}
+        said = {"cmd_vel_out": twist} | {k: x for k, (x, _) in self.OUTPUTS.items()}
         if wiring.role == "guide":
             said["blocked"] = Bool
             for name, task in TASKS.items():
@@ -219,6 +208,8 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         self._stop()
         return SUCCESS
 
+    on_shutdown = on_deactivate
+
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Reset all but the parameters."""
         for heard in self._heard:
@@ -228,11 +219,6 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         if self._action is not None:
             self._action.destroy()
         self._heard, self._said, self._guard, self._action = [], {}, None, None
-        return SUCCESS
-
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Publish standing still."""
-        self._stop()
         return SUCCESS
 
     def _stop(self) -> None:
@@ -280,10 +266,8 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             self.get_logger().error(f"braking: {error!r}")
             step = guard.brake(str(error))
         self._give(step.v, step.omega)
-        self._steps += 1
         if self._arrival > self._answered:
             self._latency.append(self._now()[1] - self._arrival)
-            self._said["~/latency"].publish(Float64(data=self._latency[-1]))
             self._answered = self._arrival
         if "blocked" in self._said and step.decision is not None:
             blocked = step.decision.status is Status.BLOCKED
@@ -291,40 +275,23 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         if self._action is not None:
             self._action.step(step)
         state = f"{step.faults} {step.decision and step.decision.status}"
-        news, self._state = state != self._state, state
-        if news or steady - self._drawn >= MARKERS_EVERY:
-            self._drawn = steady
-            self._show(guard, step)
-        if news or steady - self._told >= DIAGNOSTICS_EVERY:
-            status = self._status(guard, step, steady)
-            message = self._on_base(DiagnosticArray(status=[status]))
-            self._said["/diagnostics"].publish(message)
-            self._told, self._steps = steady, 0
+        if state != self._state or steady - self._shown >= SHOWN_EVERY:
+            self._shown, self._state = steady, state
+            for name, (_, make) in self.OUTPUTS.items():
+                if self._said[name].get_subscription_count():
+                    self._said[name].publish(make(self, guard, step))
 
-    def _show(self, guard: Guard, step: GuardStep) -> None:
-        """Publish markers, map, bounds and feedback to those who subscribe."""
-        heard = {k for k, x in self._said.items() if x.get_subscription_count()}
-        if "~/markers" in heard:
-            shown = self._as_markers(markers(guard, step))
-            self._said["~/markers"].publish(shown)
-        if "~/local_map" in heard:
-            self._publish_map(guard)
-        if "~/feedback" in heard:
-            status = self._status(guard, step, self._now()[1])
-            self._said["~/feedback"].publish(status)
-        if "~/bounds" in heard:
-            found = self._on_base(PoseArray())
-            held, _ = bounds(guard.setup.robot.footprint, step)
-            for x, y in held[1::2].tolist():
-                found.poses.append(Pose())
-                found.poses[-1].position = Point(x=x, y=y)
-            self._said["~/bounds"].publish(found)
+    def _bounds(self, guard: Guard, step: GuardStep) -> PoseArray:
+        """Return the obstacle points whose constraints bound a step."""
+        held, _ = bounds(guard.setup.robot.footprint, step)
+        places = [Point(x=x, y=y) for x, y in held[1::2].tolist()]
+        return self._on_base(PoseArray(poses=[Pose(position=x) for x in places]))
 
-    def _publish_map(self, guard: Guard) -> None:
-        """Publish the local map, on the base at the last scan."""
+    def _local_map(self, guard: Guard, step: GuardStep) -> OccupancyGrid:
+        """Return the local map, on the base at the last scan."""
         known = guard.sensing.perceiver.explain()
         if known is None:
-            return
+            return self._on_base(OccupancyGrid())
         grid = self._on_base(OccupancyGrid(data=array("b", known.grid.tobytes())))
         grid.info.height, grid.info.width = known.grid.shape
         grid.info.resolution = known.resolution
@@ -332,7 +299,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         corner, half = grid.info.origin, 0.5 * heading
         corner.position.x, corner.position.y = x, y
         corner.orientation.z, corner.orientation.w = math.sin(half), math.cos(half)
-        self._said["~/local_map"].publish(grid)
+        return grid
 
     def _on_base(self, message: Any) -> Any:
         """Return a message with the header of the base frame and the present time."""
@@ -348,20 +315,23 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         twist.linear.x, twist.angular.z = v, omega
         self._said["cmd_vel_out"].publish(message)
 
-    def _status(self, guard: Guard, step: GuardStep, steady: float) -> Any:
+    def _status(self, guard: Guard, step: GuardStep) -> DiagnosticStatus:
         """Return a step as a status of diagnostics."""
-        rate = self._steps / max(steady - self._told, self._wiring.dt_s)
-        level, values = diagnose(guard, step, self._latency, rate)
+        level, values = diagnose(guard, step, self._latency)
         status = DiagnosticStatus(level=bytes([level]), message=step.sentence)
         status.name = self.get_fully_qualified_name()
         status.hardware_id = self._robot.name
         status.values = [KeyValue(key=k, value=x) for k, x in values.items()]
         return status
 
-    def _as_markers(self, drawn: list[Drawing]) -> MarkerArray:
+    def _diagnostics(self, guard: Guard, step: GuardStep) -> DiagnosticArray:
+        """Return the status as diagnostics."""
+        return self._on_base(DiagnosticArray(status=[self._status(guard, step)]))
+
+    def _markers(self, guard: Guard, step: GuardStep) -> MarkerArray:
         """Return lines as markers on the base, one per namespace."""
         made = []
-        for one in drawn:
+        for one in markers(guard, step):
             kind = Marker.LINE_LIST if one.pairs else Marker.LINE_STRIP
             marker = self._on_base(Marker(ns=one.name, type=kind))
             marker.scale.x, marker.pose.orientation.w = 0.02, 1.0
@@ -370,6 +340,15 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             marker.action = Marker.ADD if len(one.points) else Marker.DELETE
             made.append(marker)
         return MarkerArray(markers=made)
+
+    OUTPUTS = {  # noqa: RUF012
+        "~/markers": (MarkerArray, _markers),
+        "~/local_map": (OccupancyGrid, _local_map),
+        "~/feedback": (DiagnosticStatus, _status),
+        "~/bounds": (PoseArray, _bounds),
+        "/diagnostics": (DiagnosticArray, _diagnostics),
+    }
+    """Outputs for display: types, and functions from a step to messages."""
 
 
 def interrupted(*_: Any) -> None:

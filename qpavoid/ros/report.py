@@ -52,7 +52,7 @@ class Drawing(NamedTuple):
 
 
 def diagnose(
-    guard: Guard, step: GuardStep, latency: Sequence[float], rate: float
+    guard: Guard, step: GuardStep, latency: Sequence[float] = ()
 ) -> tuple[int, dict[str, str]]:
     """Return the level of a step, and its diagnostics by key.
 
@@ -60,14 +60,10 @@ def diagnose(
         guard: Guard of the step.
         step: The latest.
         latency: Recent ones, from the arrival of a scan to the twist, s.
-        rate: Steps, 1/s.
     """
     decision, values = step.decision, dict[str, str]()
-    numbers = {"v_mps": step.v, "omega_radps": step.omega, "rate_per_s": rate}
-    numbers |= {
-        "desired_v_mps": step.desired[0],
-        "desired_omega_radps": step.desired[1],
-    }
+    (v, omega), numbers = step.desired, {"v_mps": step.v, "omega_radps": step.omega}
+    numbers |= {"desired_v_mps": v, "desired_omega_radps": omega}
     if decision is None:
         level = ERROR if step.faults else WARN
     else:

@@ -131,7 +131,7 @@ class Sensing:
         for topic, ground in self._ground.items():
             echoes = to_world(ground, back)
             if topic in self.perceiver.taken:
-                echoes = echoes[mask.outside(outline, echoes) <= AT_OUTLINE]
+                echoes = echoes[mask.inside(outline, echoes, AT_OUTLINE)]
             points.append(echoes)
         points += [to_world(ground, back) for ground in self._unknown.values()]
         seen = Obstacles.of(np.vstack(points), found.capsules)
@@ -155,8 +155,8 @@ class Sensing:
         """
         place, outline, fan = self._place(seen), self._setup.robot.footprint, seen.fan
         flat, valid = self._flat(topic, place.apply(seen.points)), seen.valid
-        off = mask.outside(outline, flat)
-        near, inside = off <= self._wiring.mask_m, off <= 0.0
+        near = mask.inside(outline, flat, self._wiring.mask_m)
+        inside = mask.inside(outline, flat)
         own = self._is_own(topic, flat, near)
         if fan is not None:
             valid -= float((own | inside).sum()) / max(len(fan.unknown), 1)

@@ -59,7 +59,7 @@ def test_a_goal_sent_at_1_hz_is_reached_after_an_emergency_stop(driven):
     assert found["stays"] == 0.0 and found["before"] > 0.3
     assert found["released"] < 0.35 and found["least"] > 0.07
     away, turn = found["off"]
-    assert away < 0.05 and turn < 0.1 and found["blocked"] == [False]
+    assert away < 0.05 and turn < 0.06 and found["blocked"] == [False]
     sentence, values = found["feedback"]
     assert sentence and values["arrived"] == "True" and float(values["left_m"]) < 0.05
     assert found["bounds"] > 0

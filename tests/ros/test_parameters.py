@@ -98,19 +98,19 @@ def step(guard, distance, v=0.8):
 def test_diagnostics_say_what_is(guard):
     early = guard.step(9.0, 9.0)
     assert early.sentence.startswith("scan: never seen.")
-    assert diagnose(guard, early, (), 20.0)[0] == ERROR
-    level, free = diagnose(guard, step(guard, 8.0), (0.001, 0.002, 0.003), 20.0)
+    assert diagnose(guard, early)[0] == ERROR
+    level, free = diagnose(guard, step(guard, 8.0), (0.001, 0.002, 0.003))
     assert level == OK and free["status"] == "tracking"
     assert free["latency_p50_s"] == "0.002"
     assert free["scan"] == "fresh, 0 s old; refused: none"
     guard.see("scan", ros.wall(9.0, 1.0), 10.0, 10.0)
     late = guard.step(10.4, 10.4)
-    _, told = diagnose(guard, late, (), 20.0)
+    _, told = diagnose(guard, late)
     assert late.faults == {"scan": Fault.UNORDERED}
     assert told["scan"] == "unordered, 0.4 s old; refused: 1 unordered"
     guard.inputs.latch.steps = 5
     guard.see("scan", ros.wall(10.5, 8.0), 10.5, 10.5)
-    assert diagnose(guard, guard.step(10.5, 10.5), (), 20.0)[0] == WARN
+    assert diagnose(guard, guard.step(10.5, 10.5))[0] == WARN
 
 
 def test_markers_show_what_holds_the_robot(guard):

@@ -509,7 +509,7 @@ def _frame(bag: BagWriter, wired: Wiring, row: Mapping[str, Any]) -> Any:
 
 
 def _status(bag: BagWriter, guard: Guard, step: GuardStep) -> Any:
-    level, values = diagnose(guard, step, (), math.nan)
+    level, values = diagnose(guard, step)
     status = bag.blank("diagnostic_msgs/msg/DiagnosticStatus")
     status.level, status.message, status.name = level, step.sentence, "qpavoid"
     for key, value in values.items():
