@@ -25,8 +25,8 @@ With ``METHOD@wide`` r_min is 0.10 to 0.25 m, else 0.05 to 0.10 m.
 
 With ``--reacting`` people see the robot (``crowdnav_reacting.py``), steered by ORCA or
 by the social force model; ``--people`` is their number in 64 m². The robot sees true
-discs. ``METHOD@still`` gets no velocities, and its filter and guide look 0.5 s ahead,
-not 3 s: chosen on 6 to 8 cases of ``val``.
+discs. ``METHOD@still`` is ``qpavoid.Guide(yielding=True)``: no velocities, and filter
+and guide look 0.5 s ahead, not 3 s. It was chosen on 6 to 10 cases of ``val``.
 
     python comparisons/crowdnav/crowdnav.py --reacting orca --people 32,64,102,147 \
         --count 40 --methods qp-ahead+guide,qp-ahead+guide@still,mppi,orca,ttc,stop
@@ -46,11 +46,13 @@ from typing import Any
 
 import numpy as np
 
-from crowdnav_cases import Crowd, counting_on_people, make_scene
+from crowdnav_cases import Crowd, make_scene
 from crowdnav_reacting import EFFECT
 from crowdnav_robots import FEET, Driven, Holonomic, Row
 from crowdnav_world import CASES, FIRST_SEED, RADIUS
 from qpavoid.errors import ConfigError, QPAvoidError
+from qpavoid.guide.guide import look_short
+from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.scenario.methods import check_methods
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.simulation.outcome import CRAWL, PROGRESS, STALLED
@@ -88,7 +90,8 @@ def episode(method: str, crowd: Crowd, case: int) -> Row:
         if "lidar" in variants:
             scene = replace(scene, lidar=LidarSettings(range=crowd.sight, seed=case))
         if still := "still" in variants:
-            scene = counting_on_people(scene)
+            settings, guide = look_short(scene.settings, GuideSettings())
+            scene = replace(scene, settings=settings, guide=guide)
         robot = Driven(name, crowd, people, scene, still)
     ends, event, intrusions = [people.start], "", 0
     for k in range(crowd.ticks):

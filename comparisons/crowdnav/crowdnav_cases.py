@@ -23,7 +23,6 @@ from crowdnav_world import (
     People,
     draw_people,
 )
-from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.scenario.scenario import Scenario, make_scenario
 from qpavoid.perception.settings import PerceptionSettings
 
@@ -33,9 +32,6 @@ FOOTPRINT = RADIUS * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
 
 BODIES = PerceptionSettings(radius=0.4)
 """Of perception: the mean radius of people whose goals change."""
-
-SHORT = 0.5
-"""s; horizon of a robot that counts on people to evade."""
 
 
 class Crowd(NamedTuple):
@@ -119,11 +115,3 @@ def make_scene(people: People, ticks: int, wide: bool = False) -> Scenario:
     document = make_document(people, ticks, wide)
     scene = make_scenario(document, "crowdnav", Path("crowdnav"))
     return replace(scene, perception=BODIES)
-
-
-def counting_on_people(scene: Scenario) -> Scenario:
-    """Return a scene in which filter and guide look 0.5 s ahead, not 3 s."""
-    settings = scene.settings
-    ahead = replace(settings.ahead, horizon=SHORT, horizon_still=SHORT)
-    settings = replace(settings, ahead=ahead)
-    return replace(scene, settings=settings, guide=GuideSettings(horizon=SHORT))

@@ -36,9 +36,10 @@ class Shown:
         """Return what sees."""
 
         def see(time: float, obstacles: Obstacles, pose: Pose) -> Obstacles:
-            velocities = (0.0 if self.still else 1.0) * self.velocities
-            discs = Obstacles(discs=obstacles.discs, disc_velocities=velocities)
-            return discs.seen_from(pose).within(self.sight)
+            discs = obstacles.discs
+            seen = Obstacles(discs=discs, disc_velocities=self.velocities)
+            seen = seen.seen_from(pose).within(self.sight)
+            return seen.at_rest() if self.still else seen
 
         return see
 

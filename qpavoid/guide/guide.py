@@ -69,6 +69,10 @@ CHANGED = 0.1
 its goal tries again."""
 
 
+SHORT = 0.5
+"""s; greatest horizon of filter and guide among people who give way."""
+
+
 class Asked(NamedTuple):
     """Task of a guide.
 
@@ -100,6 +104,16 @@ def as_speed(value: float) -> float:
     if speed < TINY:
         raise InvalidInputError(f"speed must be above 0, not {speed:g}")
     return speed
+
+
+def look_short(
+    settings: AvoidanceSettings, guide: GuideSettings
+) -> tuple[AvoidanceSettings, GuideSettings]:
+    """Return settings of filter and guide with horizons of at most :data:`SHORT`."""
+    ahead, still = settings.ahead, min(settings.ahead.horizon_still, SHORT)
+    ahead = replace(ahead, horizon=min(ahead.horizon, SHORT), horizon_still=still)
+    guide = replace(guide, horizon=min(guide.horizon, SHORT))
+    return replace(settings, ahead=ahead), guide
 
 
 def memory_ahead(settings: GuideSettings | None) -> Array:
@@ -189,6 +203,9 @@ class Guide:
         freshness: Greatest ages of the inputs of :meth:`step`, and when a fault ends.
         predict: Velocities of moving discs from their :class:`Tracks`, for the scores
             of candidates. Default: the measured ones, which the filter always uses.
+        yielding: Whether people give way to the robot. Guide and filter then take all
+            obstacles to be at rest, and look at most :data:`SHORT` ahead. Nothing is
+            guaranteed against obstacles that move.
 
     Attributes:
         robot: Footprint and limits.
@@ -203,14 +220,18 @@ class Guide:
         perception: Perception | None = None,
         freshness: Freshness | None = None,
         predict: Predictor | None = None,
+        yielding: bool = False,
     ) -> None:
         self.robot = robot
         self.settings = settings if settings is not None else AvoidanceSettings()
+        self._guide, self._yielding = guide or GuideSettings(), yielding
+        if yielding:
+            self.settings, self._guide = look_short(self.settings, self._guide)
         self._sight = Sight(robot, perception, self.settings.dt)
         self._prediction = None
         if predict is not None:
             self._prediction = Prediction(predict, self.settings.dt)
-        self._guide, self._limits = guide or GuideSettings(), robot.limit_vector
+        self._limits = robot.limit_vector
         self._safety = SafetyFilter(robot, self.settings, freshness=freshness)
         self._rest = Rest(robot.limits, self.settings.dt)
         self._driven, self._clearance = (0.0, 0.0), math.inf
@@ -515,9 +536,9 @@ class Guide:
         at, seen = as_pose(pose, "pose"), self._sight.see(pose, *given)
         if driven is not None:
             self._driven = as_driven(driven, self._limits)
-        rated = seen
+        rated = known = seen.at_rest() if self._yielding else seen
         if self._prediction is not None:
-            rated = self._prediction.see(seen, at, self._driven)
+            rated = self._prediction.see(known, at, self._driven)
         before, self._pose = self._pose or at, at
         x, y, _ = arc(*before, *self._driven, self.settings.dt)
         if math.dist((x, y), at[:2]) > JUMP:  # moved by hand, or relocalised
@@ -539,7 +560,7 @@ class Guide:
             back = tracking.desired
             returns = not moves_near(seen) and self._stays(*back)
             v, omega = back if returns else (0.0, omega)
-        return *beyond_band(v, omega, self.robot.limits), seen
+        return *beyond_band(v, omega, self.robot.limits), known
 
     def _note(self, at: Pose, seen: Obstacles, tracking: Tracking) -> bool:
         """Register progress to the goal; return whether the robot gives up near it.

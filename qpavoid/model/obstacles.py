@@ -245,6 +245,12 @@ class Obstacles:
         """Return the obstacles after ``time`` s of their motion."""
         return self.seen_from((0.0, 0.0, 0.0), time)
 
+    def at_rest(self) -> "Obstacles":
+        """Return the obstacles without their velocities."""
+        capsules = self.capsules.copy()
+        capsules[:, [V_X, V_Y, TURN, SIGMA]] = 0.0
+        return Obstacles.of(self.points, capsules)
+
     def within(self, reach: float) -> "Obstacles":
         """Return the obstacles nearer than ``reach`` m to the origin of their frame."""
         points = self.points[np.hypot(*self.points.T) < reach]

@@ -15,6 +15,8 @@ from qpavoid.tracking.path import CubicPath
 ROBOT = qp.Robot.mir100()
 SETTINGS = qp.AvoidanceSettings()
 DT = SETTINGS.dt
+HERE = (0.0, 0.0, 0.0)
+FRONT = ROBOT.footprint.vertices[:, 0].max()
 
 
 def drive(guide, world, seconds, pose=(0.0, 0.0, 0.0)):
@@ -204,6 +206,43 @@ WRONG = [
     (Sampled(lambda n: np.zeros((n, 5)), math.inf), "duration must be"),
     (Sampled(lambda n: np.zeros((n, 5)), "long"), "duration must be"),
 ]
+
+
+def test_before_somebody_who_gives_way_a_yielding_guide_does_not_retreat():
+    """Who walks up to the robot, follows it, and stops 0.25 m in front of it."""
+    backs = []
+    for yielding in (False, True):
+        guide, pose, person, least = qp.Guide(ROBOT, yielding=yielding), HERE, 3.0, 0.0
+        guide.go_to(pose, (6.0, 0.0, 0.0))
+        for _ in range(round(6.0 / DT)):
+            nearest = pose[0] + FRONT + 0.25 + 0.3
+            speed = min(0.8, max(0.0, (person - nearest) / DT))
+            disc, moving = [(person, pose[1], 0.3)], [(-speed, 0.0)]
+            seen = qp.Obstacles(discs=disc, disc_velocities=moving).seen_from(pose)
+            decision = guide.step(pose, seen)
+            pose = arc(*pose, decision.v, decision.omega, DT)
+            person, least = person - DT * speed, min(least, pose[0])
+        backs.append(-least)
+    assert backs[0] > 0.5 and backs[1] < 0.01
+
+
+@pytest.mark.parametrize("kind", ["disc", "polygon"])
+def test_to_a_yielding_guide_everything_is_at_rest(kind):
+    box = [(-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2)]
+    if kind == "disc":
+        parts = {"discs": [(2.0, 0.6, 0.3)], "disc_velocities": [(-0.7, -0.2)]}
+        parts["disc_sigmas"] = [0.1]
+    else:
+        parts = {"polygons": [np.add(box, (2.0, 0.6))]}
+        parts["polygon_velocities"] = [(-0.7, -0.2, 0.5)]
+    seen, short = qp.Obstacles(**parts), qp.GuideSettings(horizon=0.5)
+    ahead = qp.AvoidanceSettings(ahead=qp.LookAhead(horizon=0.5, horizon_still=0.5))
+    guides = qp.Guide(ROBOT, yielding=True), qp.Guide(ROBOT, ahead, short)
+    for guide in guides:
+        guide.go_to(HERE, (6.0, 0.0, 0.0))
+    for _ in range(20):
+        one, other = guides[0].step(HERE, seen), guides[1].step(HERE, seen.at_rest())
+        assert one[:2] == other[:2]
 
 
 def test_bad_input_is_named_and_nothing_is_lost():
