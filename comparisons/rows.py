@@ -4,9 +4,11 @@
 the time to the goal, s, if it succeeded, else a letter (:data:`ENDS`); then ``/N`` if
 the robot came N mm nearer than r_min, N > 1. An empty setting is that of the row above.
 ``results/costs.csv`` has median and 99th percentile of the solve time, µs, and BARN's
-metric, by study, setting, method.
+metric, by study, setting, method. The metric is success · OT / clip(AT, 2 OT, 8 OT): OT
+is the length of the published path over 2 m/s, AT the time taken.
 
     python comparisons/rows.py out/forest forest          # add the runs of a sweep
+    python comparisons/rows.py out/barn barn --data PATH
     python comparisons/rows.py out/sensed sensing --level "noise (m) 0.1"
 """
 
@@ -19,8 +21,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from itertools import chain
 from pathlib import Path
-from statistics import median
+from statistics import fmean, median
 from typing import Any, NamedTuple, TypeAlias
+
+from qpavoid.errors import QPAvoidError
 
 RESULTS = Path(__file__).resolve().parent / "results"
 
@@ -230,26 +234,49 @@ def runs_of(folder: Path) -> Iterator[tuple[Scene, str, Mapping[str, Any]]]:
             yield place, line["method"], flags | numbers | more
 
 
-def add(folder: Path, study: str, level: str = "") -> None:
+@lru_cache
+def optimal_time(world: int, data: Path | None) -> float:
+    """Return OT in s, by the organisers' transform of the path's cells."""
+    from qpavoid.lab.worlds.barn import GOAL, START, find_folder, read_cells
+
+    path = find_folder(data, world) / "path_files" / f"path_{world}.npy"
+    places = [START[:2], *(0.15 * read_cells(path) + (-4.575, 5.075)).tolist(), GOAL]
+    return math.fsum(map(math.dist, places, places[1:])) / 2.0
+
+
+def metric(row: Mapping[str, Any], optimal: float) -> float:
+    """Return BARN's metric of a run."""
+    if not row["success"]:
+        return 0.0
+    return optimal / min(max(row["arrived_s"], 2.0 * optimal), 8.0 * optimal)
+
+
+def add(folder: Path, study: str, level: str = "", data: Path | None = None) -> None:
     """Add the runs of a sweep to the table of a study, in place of those there.
 
     Args:
         folder: Of the sweep.
         study: Name of the table.
         level: Follows the scenario's name in the setting: ``scenario: level``.
+        data: Folder of the published worlds, for BARN's metric.
     """
     path = RESULTS / f"{study}.csv"
     kept = read_cells(study) if path.is_file() else ()
     table = {place: dict(cells) for place, cells in kept}
     costs = {k: list(x) for k, x in read_costs().items()}
     times: defaultdict[tuple[str, str, str], list[list[float]]] = defaultdict(list)
+    metrics: defaultdict[tuple[str, str, str], list[float]] = defaultdict(list)
     for (setting, scene), method, row in runs_of(folder):
         where = setting + (f": {level}" if level else "")
         table.setdefault((where, scene), {})[method] = cell_of(row)
         if row["solve_us"] is not None:
             times[study, where, method].append([row[k] for k in NUMBERS[-2:]])
+        if study.startswith("barn"):
+            found = metric(row, optimal_time(int(scene), data))
+            metrics[study, where, method].append(found)
     for key, some in times.items():
-        costs[key] = [median(x) for x in zip(*some, strict=True)] + [math.nan]
+        score = fmean(metrics[key]) if metrics[key] else math.nan
+        costs[key] = [*(median(x) for x in zip(*some, strict=True)), score]
     methods = list(dict.fromkeys(chain.from_iterable(table.values())))
     settings = list(dict.fromkeys(where for where, _ in table))
     lines = [
@@ -286,8 +313,12 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="of the sweep")
     parser.add_argument("study", help="name of the table")
     parser.add_argument("--level", default="", help="of what a scenario is seen by")
+    parser.add_argument("--data", type=Path, help="folder of the published worlds")
     options = parser.parse_args()
-    add(options.folder, options.study, options.level)
+    try:
+        add(options.folder, options.study, options.level, options.data)
+    except QPAvoidError as error:
+        parser.error(str(error))
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ All readers get their bytes here and run foreign parsers under :func:`reading`, 
 turns any exception into an error of qpavoid. Sizes are checked before allocation.
 """
 
-import gzip
 import io
 import json
 import math
@@ -26,8 +25,8 @@ Name: TypeAlias = str | os.PathLike[str]
 MOST_BYTES, MOST_TEXT, MOST_TABLE = 256_000_000, 8_000_000, 64_000
 """Greatest size, bytes: of a file, of a text file, of a YAML file."""
 
-MOST_UNPACKED, LONGEST_LINE = 1_000_000_000, 1_000_000
-"""Greatest size, bytes: of an unpacked text, of one line of it."""
+MOST_UNPACKED = 1_000_000_000
+"""Greatest size, bytes, of unpacked messages."""
 
 MOST_ARRAYS = 300_000_000
 """Greatest size, bytes, of all arrays of a file."""
@@ -152,23 +151,6 @@ def shallow(document: Any, left: int = MOST_DEPTH) -> Any:
     for value in inner if isinstance(document, dict | list) else ():
         shallow(value, left - 1)
     return document
-
-
-def read_lines(path: Name) -> Iterator[str]:
-    """Yield the lines of a text, decompressed where its name ends in ``.gz``.
-
-    Raises:
-        DataError: A line or the whole text is too long.
-        OSError, EOFError, zlib.error, UnicodeDecodeError: It cannot be read on.
-    """
-    left = MOST_UNPACKED
-    with open_file(path) as raw:
-        file = gzip.open(raw) if Path(path).suffix == ".gz" else raw
-        while line := file.readline(LONGEST_LINE):
-            left -= len(line)
-            if left < 0 or len(line) == LONGEST_LINE:
-                raise DataError(f"{path}: a line, or all of it, is too long")
-            yield line.decode("utf-8")
 
 
 def read_array(path: Name) -> "npt.NDArray[Any]":

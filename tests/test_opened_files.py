@@ -1,6 +1,5 @@
 """Foreign files: regular ones below a size limit and below their folder are read."""
 
-import gzip
 import json
 import os
 import re
@@ -23,7 +22,6 @@ from qpavoid.errors import (
 from qpavoid.lab.scenario.config import find_config
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.worlds import dynabarn
-from qpavoid.lab.worlds.carmen import read_scans
 from qpavoid.lab.worlds.map_server import read_image, read_map
 from qpavoid.lab.worlds.points import read_points
 from scenario_files import CROSSING, MINIMAL
@@ -75,7 +73,7 @@ def listening(path):
 @pytest.mark.parametrize(
     "make", [pipe, device, listening, os.mkdir], ids=lambda f: f.__name__
 )
-@pytest.mark.parametrize("ending", [".npy", ".csv", ".toml", ".log", ".yaml", ".pgm"])
+@pytest.mark.parametrize("ending", [".npy", ".csv", ".toml", ".yaml", ".pgm"])
 def test_what_is_no_regular_file_is_refused_at_once(
     tmp_path, monkeypatch, make, ending
 ):
@@ -84,7 +82,6 @@ def test_what_is_no_regular_file_is_refused_at_once(
     make(path.name if make is listening else path)
     read = {
         ".toml": load_scenario,
-        ".log": lambda path: [*read_scans(path)],
         ".yaml": read_map,
         ".pgm": read_image,
     }.get(ending, read_points)
@@ -138,10 +135,6 @@ def test_what_unpacks_to_too_much_is_refused(tmp_path):
                 part.write(bytes(100_000_000))
     with pytest.raises(DataError, match="400,000,000 bytes unpacked"):
         files.read_arrays(path)
-    log = tmp_path / "a.log.gz"
-    log.write_bytes(gzip.compress(bytes(5_000_000)))
-    with pytest.raises(DataError, match="too long"):
-        [*read_scans(log)]
 
 
 def chunk(kind, content):

@@ -2,10 +2,10 @@
 
 The filter with guide drives in the place of a pedestrian; nobody yields to it. All
 moving obstacles are known exactly, with the velocity of the present. The learned
-predictor is fitted without the scene that it drives in; social forces take too long for
-a control step. Columns: success, contacts that began while the robot moved and only
-while it stood, runs nearer than r_min, median of the time relative to constant
-velocity; tasks that succeed with this predictor alone, with constant velocity alone.
+predictor is fitted without the scene that it drives in. Columns: success, contacts that
+began while the robot moved and only while it stood, runs nearer than r_min, median of
+the time relative to constant velocity; tasks that succeed with this predictor alone,
+with constant velocity alone.
 
 Run: python comparisons/prediction/closed_loop.py [--data FOLDER]
 """

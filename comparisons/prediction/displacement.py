@@ -4,8 +4,7 @@ Eight positions every 0.4 s are seen, the next twelve predicted. ADE is the mean
 distance between prediction and truth, FDE that of the last one, m. The learned
 predictor is fitted anew without the scene that it predicts. Coverage is the share of
 the coordinates within one and two stated σ·t after 3.2 s, per scene; of a normal
-distribution 68 % and 95 %. Social forces take long: they, and constant velocity beside
-them, predict every 20th time. The last line is the fit to all scenes.
+distribution 68 % and 95 %. The last line is the fit to all scenes.
 
 Run: python comparisons/prediction/displacement.py [--data FOLDER]
 """
@@ -20,12 +19,11 @@ from typing import NamedTuple
 import numpy as np
 
 import qpavoid as qp
-from predictors import PREDICTORS, constant_velocity, learned, past_velocities, weighted
+from predictors import PREDICTORS, learned, past_velocities, weighted
 from qpavoid.lab.worlds.crowd import PERSON, SCENES, SET_FPS, find_scene, read_tracks
 from qpavoid.model.prediction import TRACK_LENGTH, TRACK_STEP, Predictor
 from qpavoid.types import Array
 
-SPARSE = "interaction", "constant velocity, there"
 FUTURE, NOWHERE = TRACK_STEP * np.arange(1, 13), (1e6, 0.0, 0.0)
 """s; times of the predicted positions. Pose of a robot that nobody reacts to."""
 
@@ -129,12 +127,12 @@ def main() -> None:
     data = parser.parse_args().data
     worlds = {scene: moments(scene, data) for scene in SCENES}
     print("| predictor |", " | ".join(SCENES), "| mean | 1σ | 2σ | µs |")
-    for name, predict in [*PREDICTORS.items(), (SPARSE[1], constant_velocity)]:
-        means, inside, stride = [], [], 20 if name in SPARSE else 1
+    for name, predict in PREDICTORS.items():
+        means, inside = [], []
         for scene, people in worlds.items():
             others = [x for y, x in worlds.items() if y != scene]
             used = fit(others) if predict is learned else predict
-            off, sigmas = errors(used, people[::stride])
+            off, sigmas = errors(used, people)
             away = np.hypot(off[..., 0], off[..., 1])
             means.append((away.mean(), away[:, -1].mean()))
             share = np.abs(off[:, 7]) / np.maximum(FUTURE[7] * sigmas, LEAST)[:, None]

@@ -4,20 +4,14 @@ Each returns a velocity over the coming :data:`AHEAD` s, and its σ; a disc with
 history keeps its measured velocity.
 """
 
-import sys
-from pathlib import Path
-
 import numpy as np
 
 import qpavoid as qp
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from people import People  # type: ignore[import-not-found]
 from qpavoid.model.prediction import TRACK_STEP
 from qpavoid.types import Array
 
-AHEAD, FAR = 3.2, 10.0
-"""s for which a motion is predicted; s of walking to the goal of social forces."""
+AHEAD = 3.2
+"""s for which a motion is predicted."""
 
 SLOW, TURN_TIME = 0.3, 3
 """m/s below which a heading is noise; steps over which a rate of turn is measured."""
@@ -57,18 +51,6 @@ def constant_turn(tracks: qp.Tracks) -> Array:
     return np.column_stack([*mean, tracks.sigmas])
 
 
-def interaction(tracks: qp.Tracks) -> Array:
-    """Return the mean velocity by social forces of people, robot and walls."""
-    (x, y, heading), wish = tracks.pose, tracks.velocities
-    here, speeds = tracks.positions[:, -1], np.hypot(*wish.T)
-    goals, walls = here + FAR * wish, tracks.others.lines
-    people = People(here, goals, speeds, tracks.radii, walls=walls)
-    people.velocities = wish.copy()
-    robot = tracks.driven[0] * np.array([np.cos(heading), np.sin(heading)])
-    people.step((x, y, heading), robot, AHEAD)
-    return np.column_stack([(people.places - here) / AHEAD, tracks.sigmas])
-
-
 def learned(
     tracks: qp.Tracks, weights: Array = WEIGHTS, spread: Array = SPREAD
 ) -> Array:
@@ -88,5 +70,4 @@ PREDICTORS = {
     "constant velocity": constant_velocity,
     "constant turn, stop": constant_turn,
     "learned": learned,
-    "interaction": interaction,
 }

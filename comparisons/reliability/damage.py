@@ -35,7 +35,6 @@ from qpavoid.lab.study.replay import read_parameters
 from qpavoid.lab.study.sweep.store import Store, read_rows, shards
 from qpavoid.lab.study.sweep.study import read_study
 from qpavoid.lab.worlds import barn, crowd
-from qpavoid.lab.worlds.carmen import read_scans
 from qpavoid.lab.worlds.map_server import read_image, read_map
 from qpavoid.lab.worlds.points import read_points
 
@@ -107,10 +106,6 @@ TEXTS = {
     "</pose><link><collision><geometry><cylinder><radius>0.075</radius><length>1"
     "</length></cylinder></geometry></collision></link></model></world></sdf>\n",
     "obsmat.txt": "\n".join(f"{6 * k} 1 {k} 0 0.5 0.1 0 0.2" for k in range(12)),
-    "a.log": "\n".join(
-        f"FLASER 180 {'2.0 ' * 180}{0.1 * k} 0 0 {0.1 * k} 0 0 {0.2 * k} host {0.2 * k}"
-        for k in range(4)
-    ),
 }
 """Contents of text files by name."""
 
@@ -153,7 +148,6 @@ KINDS: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "parameters": ("mir.yaml", read_parameters),
     "pgm": ("a.pgm", read_image),
     "sdf": ("w.world", barn.read_world),
-    "carmen": ("a.log", lambda path: [*read_scans(path)]),
     "obsmat": ("obsmat.txt", lambda path: crowd.read_tracks(path, 15.0)),
     "bag, mcap": ("bag/bag.mcap", lambda path: bag_drive(path.parent, None, "")),
 }

@@ -67,9 +67,6 @@ def test_the_cars_of_the_recordings_are_right_and_their_walls_at_rest(
     assert row["false_near_percent"] <= 1.0 and row["false_percent"] <= 5.0
     assert row["right"] >= 0.9 and row["right_of"] > 500
     assert row["speed_errors_median"] <= 0.1 and row["speed_errors_p90"] <= 0.3
-    notes = {one["recording"]: one.get("note", "") for one in rows}
-    assert "pose repeats" in notes["overtake_ego"]
-    assert "needs turns" in notes["intersection"]
 
 
 @pytest.mark.long

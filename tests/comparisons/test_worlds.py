@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-worlds = pytest.importorskip("worlds", reason="needs qpavoid[study]")
-
-
+from crowd_contacts import PERSON, Crowd, Task, own_clearance
 from qpavoid.errors import DataError
 from qpavoid.lab.scenario.scenario import make_scenario
 from qpavoid.lab.worlds.dynabarn import DynaBarn, find_worlds
+from rows import metric, optimal_time
 from scenario_files import walker
 
 SMALL = {
@@ -68,7 +67,15 @@ def test_absent_data_is_said(tmp_path, monkeypatch):
 )
 def test_the_metric_is_clipped_at_twice_and_eight_times_the_optimum(arrived, expected):
     row = {"success": arrived is not None, "arrived_s": arrived}
-    assert worlds.metric(row, 5.0) == expected
+    assert metric(row, 5.0) == expected
+
+
+def test_the_optimal_time_is_that_of_the_published_path(data_folder):
+    cells = np.load(data_folder / "barn/BARN/path_files" / "path_0.npy")
+    ends = [[-2.25, 3.0], [-2.25, 13.0]]
+    path = np.vstack([ends[:1], 0.15 * cells + (-4.575, 5.075), ends[1:]])
+    expected = np.hypot(*np.diff(path, axis=0).T).sum() / 2.0
+    assert optimal_time(0, data_folder) == pytest.approx(expected, rel=1e-12)
 
 
 def test_own_clearance_is_that_of_a_fine_look():
@@ -76,10 +83,10 @@ def test_own_clearance_is_that_of_a_fine_look():
     crossing = walker(2, 100.0, (4.0, -4.0), (4.0, 4.0))
     gone = walker(3, 20.0, (1.0, 0.0), (1.0, 8.0))
     rng = np.random.default_rng(1)
-    assert worlds.own_clearance(worlds.Task(human, (crossing, gone))) == pytest.approx(
-        -2.0 * worlds.PERSON
+    assert own_clearance(Task(human, (crossing, gone))) == pytest.approx(
+        -2.0 * PERSON
     )  # they meet in (4, 0)
-    assert worlds.own_clearance(worlds.Task(human, (gone,))) == math.inf
+    assert own_clearance(Task(human, (gone,))) == math.inf
     for _ in range(20):
         begin, seconds = 100.0 + rng.uniform(-6.0, 6.0), rng.uniform(2.0, 9.0)
         other = walker(2, begin, *rng.uniform([0.0, -4.0], [8.0, 4.0], (2, 2)), seconds)
@@ -93,9 +100,7 @@ def test_own_clearance_is_that_of_a_fine_look():
             for who in (human, other)
         ]
         least = np.hypot(*np.subtract(*places)).min() - 0.5
-        assert worlds.own_clearance(worlds.Task(human, (other,))) == pytest.approx(
-            least, abs=5e-3
-        )
+        assert own_clearance(Task(human, (other,))) == pytest.approx(least, abs=5e-3)
 
 
 @pytest.mark.parametrize(
@@ -103,5 +108,5 @@ def test_own_clearance_is_that_of_a_fine_look():
     [("eth", 39), ("hotel", 26), ("zara01", 30), ("students03", 91)],
 )
 def test_humans_touch_each_other(data_folder, scene, count):
-    tasks = worlds.Crowd(scene, str(data_folder)).tasks
-    assert sum(worlds.own_clearance(task) < 0.0 for task in tasks) == count
+    tasks = Crowd(scene, str(data_folder)).tasks
+    assert sum(own_clearance(task) < 0.0 for task in tasks) == count

@@ -31,7 +31,6 @@ from qpavoid.lab.simulation.outcome import differs
 from qpavoid.lab.study.bags import BagWriter, Event, Recording
 from qpavoid.lab.study.style import BLUE, RED, SKY
 from qpavoid.lab.study.tables import write_csv
-from qpavoid.lab.worlds.carmen import LONGEST_ROBOT, hold_time
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import Obstacles
@@ -57,6 +56,9 @@ PIONEER = Robot("Pioneer", Footprint.rectangle(0.47, 0.41), Limits.symmetric(1.6
 
 STALE_STEPS = 3.0
 """Greatest age of inputs in steps, where no parameters say."""
+
+LONGEST_ROBOT, LONGEST_HOLD = 20.0, 1.0
+"""m; s, greatest median time between two commands or scans."""
 
 POSE = "x_m", "y_m", "heading_rad"
 """Columns of a pose by odometry."""
@@ -167,7 +169,9 @@ def setup_for(drive: Recording, robot: Robot) -> GuardSetup:
     times = [event.time for event in drive.events if event.topic == topic]
     if len(times) < 2:
         raise DataError(f"a replay needs two messages or more on {topic}")
-    dt, fresh = max(hold_time(times), 1e-3), Freshness()
+    dt, fresh = max(float(np.median(np.diff(times))), 1e-3), Freshness()
+    if dt > LONGEST_HOLD:
+        raise DataError(f"{topic}: {dt:.3g} s apart: no step is so long")
     ages = {
         name: max(getattr(fresh, name), STALE_STEPS * dt)
         for name in ("points", "discs", "odometry", "command")

@@ -1,82 +1,10 @@
-"""Readers of scans and maps: published files, and clear errors on damage."""
-
-import math
+"""Readers of maps: published files, and clear errors on damage."""
 
 import numpy as np
 import pytest
 
 from qpavoid.errors import DataError
-from qpavoid.lab.worlds import carmen, map_server
-
-# CARMEN
-
-
-def test_published_scans(data_folder):
-    file = data_folder / "carmen" / "freiburg-079-corrected.log.gz"
-    scans = list(carmen.read_scans(file))
-    assert len(scans) == 4791 and all(len(x.ranges) == 360 for x in scans)
-    assert np.median(np.diff([x.time for x in scans])) == pytest.approx(0.235, abs=1e-3)
-    moves = np.diff([x.pose[:2] for x in scans], axis=0)
-    assert np.median(np.hypot(*moves.T)) == pytest.approx(0.1, abs=0.005)
-    angles = np.round(np.degrees(carmen.beam_angles(360)), 6)
-    ahead = (angles >= -30) & (angles < 30)
-    assert sum((x.ranges[ahead] < 0.5).any() for x in scans) == 172
-
-
-def scan_line(beams=180, **changes):
-    words = ["FLASER", beams, *[1.0] * beams, 1, 2, 0.5, 3, 4, 0.6, 7.5, "host", 7.5]
-    for place, word in changes.items():
-        words[int(place[1:])] = word
-    return " ".join(map(str, words)) + "\n"
-
-
-def test_a_scan(tmp_path):
-    file = tmp_path / "a.log"
-    file.write_text("# comment\nODOM 0 0 0\n" + scan_line(w2=2.0, w92=90.0))
-    (scan,) = carmen.read_scans(file)
-    assert scan[:2] == (7.5, (1, 2, 0.5))
-    points = scan.points()
-    assert len(points) == 179  # beam 90, straight ahead, has no echo
-    assert points[0] == pytest.approx([0, -2])
-    assert points[-1] == pytest.approx(
-        [math.cos(math.radians(89)), math.sin(math.radians(89))]
-    )
-    for beams in (181, 361):
-        assert carmen.beam_angles(beams)[-1] == pytest.approx(math.pi / 2)
-
-
-def test_a_clock_that_jumps_loses_no_scans_in_silence(tmp_path):
-    file = tmp_path / "a.log"
-    times = [*range(6), 99999, *range(7, 60)]
-    file.write_text("".join(scan_line(w188=time) for time in times))
-    scans = list(carmen.read_scans(file))
-    assert [scan.time for scan in scans] == times
-    with pytest.raises(DataError, match="53 of 60 scans are not later than all before"):
-        carmen.in_order(scans)
-    assert len(carmen.in_order(scans[:9])) == 7
-
-
-@pytest.mark.parametrize(
-    "line, error",
-    [
-        ("FLASER\n", "damaged FLASER line"),
-        (scan_line()[:-20], "words of 180 beams"),
-        (scan_line(90), "words of 90 beams"),
-        (scan_line(w5="x"), "damaged FLASER line"),
-        (scan_line(w5="nan"), "not finite, negative or too large"),
-        (scan_line(w184=1e9), "not finite, negative or too large"),
-        (scan_line(w5="-1"), "not finite, negative or too large"),
-        (scan_line(w188=-1), "the time is -1 s"),
-    ],
-)
-def test_damaged_scans_name_their_line(tmp_path, line, error):
-    file = tmp_path / "a.log"
-    file.write_text("ODOM\n" + scan_line() + line)
-    with pytest.raises(DataError, match=f"a.log:3: .*{error}"):
-        list(carmen.read_scans(file))
-
-
-# Maps
+from qpavoid.lab.worlds import map_server
 
 YAML = """# a map
 image: map.pgm
