@@ -5,7 +5,6 @@ import re
 
 import pytest
 
-from qpavoid import compiled
 from qpavoid.cli import doctor, main
 from qpavoid.lab.scenario.scenario import load_scenario
 from scenario_files import MINIMAL
@@ -109,13 +108,6 @@ def test_doctor_says_what_is_wrong(monkeypatch, capsys, tmp_path):
         printed.index("numpy>=999") < printed.index("not there") < printed.index("fine")
     )
     assert "extra odd" in printed and "pip install 'qpavoid[odd]'" in printed
-
-
-def test_without_numba_there_is_nothing_to_warm(monkeypatch, capsys):
-    monkeypatch.setattr(doctor, "find_spec", lambda name: None)
-    monkeypatch.setattr(compiled, "lacking", list)
-    assert main(["warm"]) == 0
-    assert capsys.readouterr().out.startswith("nothing to compile")
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -105,7 +105,6 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         option("--all", "list all parts, optional ones too"),
         JSON,
     ),
-    "warm": (doctor.warm,),
     "export-c": (
         runs.export_c,
         option("FOLDER", "where the files go"),

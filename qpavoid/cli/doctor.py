@@ -10,7 +10,6 @@ from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryFile
-from time import perf_counter
 from typing import NamedTuple
 
 from qpavoid.cli.output import give, show_table
@@ -71,36 +70,6 @@ def show(findings: Sequence[Finding], every: bool) -> None:
         print("compiled code:", "; ".join(filter(None, (code.found, code.advice))))
     many = sum(one is not code for one in optional)
     print(f"{many} optional parts are not installed: qpavoid doctor --all")
-
-
-def compile_ahead() -> None:
-    """Compile filter and guide, unless the package brings them."""
-    from qpavoid.avoidance.filter import SafetyFilter
-    from qpavoid.guide.guide import Guide
-    from qpavoid.model.obstacles import Obstacles
-    from qpavoid.model.robot import Robot
-
-    robot, still = Robot.mir100(), (0.0, 0.0, 0.0)
-    for ahead in (True, False):
-        SafetyFilter(robot, ahead=ahead).filter(0.5, 0.0)
-    guide = Guide(robot)
-    guide.go_to(still, (1.0, 0.0, 0.0))
-    guide.step(still, Obstacles())
-
-
-def warm(options: Namespace) -> None:
-    """Compile ahead what did not come compiled with the package: filter and guide."""
-    from qpavoid.compiled import lacking
-
-    started = perf_counter()
-    compile_ahead()
-    if not lacking():
-        print("nothing to compile: filter and guide came with the package")
-        return
-    from qpavoid.avoidance.step import filter_step
-
-    place = filter_step.stats.cache_path  # type: ignore[attr-defined]
-    print(f"compiled in {perf_counter() - started:.1f} s, kept in {Path(place).parent}")
 
 
 def examined() -> Iterator[Finding]:
@@ -164,7 +133,7 @@ def cache() -> Finding:
         return Finding("compiled code", FINE, f"there: {place}")
     try:
         with TemporaryFile(dir=place):
-            advice = "qpavoid warm, once, or the first start does it"
+            advice = "the first start compiles, once"
             return Finding("compiled code", MISSING, place, advice)
     except OSError:
         home = Path.home()

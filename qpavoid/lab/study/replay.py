@@ -46,10 +46,10 @@ from qpavoid.ros.parameters import (
     preset,
     setup_of,
 )
-from qpavoid.ros.report import Drawing, diagnose, markers
+from qpavoid.ros.report import Drawing, markers
 from qpavoid.ros.sensing import ORIGIN
 from qpavoid.settings import want
-from qpavoid.types import Array, Twist
+from qpavoid.types import Twist
 
 PIONEER = Robot("Pioneer", Footprint.rectangle(0.47, 0.41), Limits.symmetric(1.6, 2.6))
 """Its limits are those of a robot given by its size."""
@@ -466,19 +466,13 @@ def draw(replayed: Replayed, path: Path) -> None:
 
 
 def write_bag(replayed: Replayed, folder: Path) -> None:
-    """Write decisions and markers as a bag of MCAP, on the robot, and tf of that.
-
-    Points at rest come before the command: the bag can be replayed among these.
-    """
-    guard, wired = replayed.guard, replayed.drive.wiring
+    """Write twists and markers as a bag of MCAP, on the robot, and tf of that."""
+    wired = replayed.drive.wiring
     base = wired.base_frame
     with BagWriter(folder) as bag:
         kept = replayed.rows, replayed.steps, replayed.drawn
         for row, step, drawn in zip(*kept, strict=True):
             time = row["time_s"]
-            kind = "sensor_msgs/msg/PointCloud2"
-            seen = _cloud(bag, bag.stamped(kind, time, base), step.obstacles.points)
-            bag.write("/qpavoid/points", kind, time, seen)
             if replayed.drive.has_commands:
                 recorded = row["v_mps"], row["omega_radps"]
                 twists = {"recorded": recorded, "given": (step.v, step.omega)}
@@ -487,10 +481,6 @@ def write_bag(replayed: Replayed, folder: Path) -> None:
                     twist = bag.stamped(kind, time, base)
                     twist.twist.linear.x, twist.twist.angular.z = v, omega
                     bag.write(f"/qpavoid/{name}", kind, time, twist)
-                kind = "diagnostic_msgs/msg/DiagnosticArray"
-                told = bag.stamped(kind, time, base)
-                told.status = [_status(bag, guard, step)]
-                bag.write("/qpavoid/decision", kind, time, told)
             kind = "visualization_msgs/msg/MarkerArray"
             shown = bag.blank(kind)
             shown.markers = [_marker(bag, one, time, base) for one in drawn]
@@ -512,16 +502,6 @@ def _frame(bag: BagWriter, wired: Wiring, row: Mapping[str, Any]) -> Any:
     return message
 
 
-def _status(bag: BagWriter, guard: Guard, step: GuardStep) -> Any:
-    level, values = diagnose(guard, step)
-    status = bag.blank("diagnostic_msgs/msg/DiagnosticStatus")
-    status.level, status.message, status.name = level, step.sentence, "qpavoid"
-    for key, value in values.items():
-        status.values.append(bag.blank("diagnostic_msgs/msg/KeyValue"))
-        vars(status.values[-1]).update(key=key, value=value)
-    return status
-
-
 def _marker(bag: BagWriter, one: Drawing, time: float, frame: str) -> Any:
     """Return a marker of the node."""
     marker = bag.stamped("visualization_msgs/msg/Marker", time, frame)
@@ -534,16 +514,3 @@ def _marker(bag: BagWriter, one: Drawing, time: float, frame: str) -> Any:
         marker.points.append(bag.blank("geometry_msgs/msg/Point"))
         vars(marker.points[-1]).update(x=x, y=y)
     return marker
-
-
-def _cloud(bag: BagWriter, cloud: Any, points: Array) -> Any:
-    """Return a cloud with points (N, 2) as its x, y, z."""
-    data = np.zeros((len(points), 3), dtype="<f4")
-    data[:, :2] = points
-    for k, name in enumerate("xyz"):
-        cloud.fields.append(bag.blank("sensor_msgs/msg/PointField"))
-        vars(cloud.fields[k]).update(name=name, offset=4 * k, datatype=7, count=1)
-    cloud.height, cloud.width, cloud.point_step = 1, len(points), 12
-    cloud.row_step, cloud.is_dense = 12 * len(points), True
-    cloud.data = np.frombuffer(data.tobytes(), dtype=np.uint8)
-    return cloud

@@ -361,19 +361,13 @@ def test_the_command_its_files_and_its_gate(tmp_path, capsys):
     with AnyReader([out / "bag"]) as reader:
         kinds = {one.topic: one.msgtype for one in reader.connections}
         assert set(kinds) == {
-            f"/qpavoid/{name}"
-            for name in ("recorded", "given", "decision", "markers", "points")
+            f"/qpavoid/{name}" for name in ("recorded", "given", "markers")
         } | {"/tf"}
         many = dict.fromkeys(kinds, 0)
-        for one, _, data in reader.messages():
+        for one, *_ in reader.messages():
             many[one.topic] += 1
-            message = reader.deserialize(data, one.msgtype)
-            if one.topic == "/qpavoid/points":
-                seen = np.frombuffer(message.data.tobytes(), "<f4").reshape(-1, 3)
-                assert len(seen) == message.width > 10 and not seen[:, 2].any()
         assert set(many.values()) == {80}
-        last = message.status[0].message if hasattr(message, "status") else ""
-    assert kinds["/qpavoid/given"].endswith("TwistStamped") and isinstance(last, str)
+    assert kinds["/qpavoid/given"].endswith("TwistStamped")
 
 
 WALK = 0.8
