@@ -248,7 +248,8 @@ def metric(row: Mapping[str, Any], optimal: float) -> float:
     """Return BARN's metric of a run."""
     if not row["success"]:
         return 0.0
-    return optimal / min(max(row["arrived_s"], 2.0 * optimal), 8.0 * optimal)
+    time: float = row["arrived_s"]
+    return optimal / min(max(time, 2.0 * optimal), 8.0 * optimal)
 
 
 def add(folder: Path, study: str, level: str = "", data: Path | None = None) -> None:

@@ -17,7 +17,6 @@ from qpavoid.avoidance.settings import (
 )
 from qpavoid.errors import InvalidInputError
 from qpavoid.guide.settings import GuideSettings
-from qpavoid.lab.planning.planner import PlannerSettings
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.model.robot import Limits
 from qpavoid.perception.settings import PerceptionSettings
@@ -64,7 +63,7 @@ NEEDED = {
 SETTINGS = [
     *(SafetyRadius, Repulsion, Margins, Actuation, LookAhead, AvoidanceSettings),
     *(Freshness, GuideSettings, Waiting, StationKeeping, *NEEDED),
-    *(PlannerSettings, PerceptionSettings, LidarSettings),
+    *(PerceptionSettings, LidarSettings),
 ]
 
 

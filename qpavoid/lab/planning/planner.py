@@ -11,7 +11,7 @@ stands, and plans again soon.
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,25 +20,22 @@ from qpavoid.lab.planning.grid import Grid, cheapest_way, costs_of, length
 from qpavoid.model.given import NO_POINTS
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.settings import NOT_NEGATIVE, POSITIVE, check
 from qpavoid.tracking.path import DISTINCT, SplinePath
 from qpavoid.types import Array, Pose
 
 DEAR_CELL = 50
-"""Cost of a cell inside the inflation, near the robot and the goal."""
+"""Cost of a cell nearer than the clearance, near the robot and the goal."""
 
 ROUNDING = 1e-9
 """s; tolerance of the memory's end for rounding."""
 
 
-@dataclass(frozen=True)
-class PlannerSettings:
+class PlannerSettings(NamedTuple):
     """Settings of a global planner.
 
     Attributes:
         resolution: Side of a cell, m.
-        inflation: Clearance of the path beyond half of the robot's width and r_min, m.
-        soft: m beyond that within which the cost is higher.
+        soft: m beyond the clearance within which the cost is higher.
         weight: Greatest relative increase of the cost.
         margin: m by which the grid exceeds start, goal and map.
         sight: Range of the robot's sensors and of the check of the path, m.
@@ -49,19 +46,15 @@ class PlannerSettings:
             one.
     """
 
-    resolution: Annotated[float, "m", POSITIVE] = 0.1
-    inflation: Annotated[float, "m", NOT_NEGATIVE] = 0.0
-    soft: Annotated[float, "m", POSITIVE] = 0.6
-    weight: Annotated[float, NOT_NEGATIVE] = 4.0
-    margin: Annotated[float, "m", POSITIVE] = 3.0
-    sight: Annotated[float, "m", POSITIVE] = 8.0
-    memory: Annotated[float, "s", NOT_NEGATIVE] = 10.0
-    interval: Annotated[float, "s", POSITIVE] = 0.5
-    astray: Annotated[float, "m", POSITIVE] = 1.0
-    detour: Annotated[float, "m", NOT_NEGATIVE] = 1.0
-
-    def __post_init__(self) -> None:
-        check(self, "a planner needs")
+    resolution: float = 0.1
+    soft: float = 0.6
+    weight: float = 4.0
+    margin: float = 3.0
+    sight: float = 8.0
+    memory: float = 10.0
+    interval: float = 0.5
+    astray: float = 1.0
+    detour: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -93,8 +86,8 @@ class Planner:
     Args:
         search: Name of the search.
         problem: Start and goal.
-        settings: Of the planner.
         chart: The map, world frame: its points and walls.
+        settings: Of the planner.
 
     Raises:
         MissingExtraError: The search's library is not installed.
@@ -104,8 +97,8 @@ class Planner:
         self,
         search: str,
         problem: PlanningProblem,
-        settings: PlannerSettings,
         chart: Obstacles,
+        settings: PlannerSettings = PlannerSettings(),
     ) -> None:
         self.search, self.problem, self.settings = search, problem, settings
         ends = np.array([problem.start[:2], problem.goal[:2]])
@@ -164,16 +157,16 @@ class Planner:
         ahead = ahead[np.hypot(*(ahead - pose[:2]).T) < self.settings.sight]
         rows, columns = self._grid.nearest_cells(ahead).T
         # One cell less than planned with: rounding to cells must not block the path.
-        tight = self.problem.keep + self.settings.inflation - self.settings.resolution
+        tight = self.problem.keep - self.settings.resolution
         return bool((clearance[rows, columns] < tight).any())
 
     def _plan(self, clearance: Array, pose: Pose) -> Array | None:
         """Return the cells' middles (n, 2) of the cheapest path from here, or ``None``.
 
-        Near the robot and the goal cells inside the inflation are expensive, not
+        Near the robot and the goal cells nearer than the clearance are expensive, not
         blocked.
         """
-        keep = self.problem.keep + self.settings.inflation
+        keep = self.problem.keep
         costs = costs_of(clearance, keep, self.settings.soft, self.settings.weight)
         ends = np.array([pose[:2], self.problem.goal[:2]])
         cells = self._grid.nearest_cells(ends)

@@ -72,7 +72,7 @@ RECORD_NAMES = {
 }
 """Names in the compiled record, where they are not those of the fields."""
 
-NOT_PLAYED = ("sight_m", "localisation", "plant", "planner", "robots")
+NOT_PLAYED = ("sight_m", "localisation", "plant", "robots")
 """Tables of a scenario: robots know their pose, and drive as they decide."""
 
 NOT_MEASURED = {"fade": "fade", "sweep": "sweep_s", "delay": "delay_s"}

@@ -14,7 +14,6 @@ from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
 from qpavoid.errors import ConfigError, InvalidInputError
 from qpavoid.files import below
 from qpavoid.guide.settings import GuideSettings
-from qpavoid.lab.planning.planner import PlannerSettings
 from qpavoid.lab.scenario import schema
 from qpavoid.lab.scenario.config import find_config, read_document, validated
 from qpavoid.lab.scenario.keys import read, values
@@ -72,7 +71,6 @@ class Scenario:
         sensor: Sees the obstacles in place of the LiDAR; has ``start()``, as a LiDAR.
         plant: What its wheels make of a twist; None: just that.
         guide: Of the stage after tracking; None: there is none.
-        planner: Settings of the global planner, for methods that have one.
         waiting: When the reference waits for a robot that is held up.
         seed: Of everything random.
         ends_at_goal: End the run when the robot has arrived and been there.
@@ -102,7 +100,6 @@ class Scenario:
     sensor: AnySensor | None = None
     plant: Plant | Physics | None = None
     guide: GuideSettings | None = None
-    planner: PlannerSettings = field(default_factory=PlannerSettings)
     seed: int = 0
     ends_at_goal: bool = False
     settled: float = 1.0
@@ -207,7 +204,6 @@ def _single(
         "robot": ("robot", lambda: make_robot(model.robot)),
         "settings": ("filter", lambda: make_settings(model)),
         "guide": ("guide", lambda: model.guide and model.guide()),
-        "planner": ("planner", model.planner),
         "lidar": ("lidar", lambda: model.lidar and model.lidar(seed=model.seed)),
         "perception": ("perception", model.perception),
         "localisation": ("localisation", lambda: make_localisation(model)),

@@ -7,7 +7,6 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.guide.settings import GuideSettings
-from qpavoid.lab.planning.planner import PlannerSettings
 from qpavoid.lab.scenario.keys import (
     Finite,
     Natural,
@@ -456,7 +455,6 @@ class ScenarioModel(Strict):
         ahead: How far ahead the look-ahead sees.
         actuation: What the base does to a twist.
         guide: A stage that weighs the next seconds; ``+guide`` turns it on too.
-        planner: Of ``astar+`` and ``dijkstra+``.
         sight_m: What is farther away is not seen.
         lidar: The robot sees points alone, by a LiDAR.
         perception: What is known about moving bodies, for LiDARs.
@@ -481,7 +479,6 @@ class ScenarioModel(Strict):
     tracking: TrackingModel = TrackingModel()
     filter: FilterModel = FilterModel()
     guide: Table[GuideSettings] | None = None
-    planner: Table[PlannerSettings] = absent(PlannerSettings)
     sight_m: Annotated[float, Field(gt=0)] = float("inf")
     lidar: Table[LidarSettings] | None = None
     perception: Table[PerceptionSettings] = absent(PerceptionSettings)

@@ -92,7 +92,7 @@ def make_planner(
         times=scenario.times,
     )
     chart = Obstacles(scenario.world.points, walls=scenario.world.walls)
-    return Planner(search, problem, scenario.planner, chart)
+    return Planner(search, problem, chart)
 
 
 DENSE, EXTRA = 200, 0.1

@@ -9,8 +9,6 @@ from pathlib import Path
 from rich.table import Table
 
 from qpavoid.avoidance.cbf_rows import R_MIN_TOLERANCE
-from qpavoid.errors import DataError
-from qpavoid.files import read_json
 from qpavoid.lab.scenario.scenario import Scenario
 from qpavoid.lab.simulation.log import Log, provenance
 from qpavoid.lab.simulation.run import run_fleet
@@ -61,17 +59,12 @@ def compare(
         scenarios: What to run.
         controllers: Names of the controllers.
         solver: Back end of the QP.
-        out: Folder for logs and summary, see :func:`save_run`; none are written without
-            it.
+        out: Folder for logs and summary, see :func:`save`; none are written without it.
         progress: Called with the steps done and those of runs that ended before their
             time.
-
-    Raises:
-        DataError: The folder has a summary that cannot be read.
     """
     logs: list[Log] = []
-    if out is not None:
-        read_summary(out)
+    rows: list[Metrics] = []
     done = skipped = 0
     for scenario, name in product(scenarios, controllers):
         found = run_fleet(
@@ -83,41 +76,21 @@ def compare(
         steps = len(found[0])
         done, skipped = done + steps, skipped + scenario.steps - steps
         logs += found
+        rows += map(metrics, found)
         if out is not None:
-            for log in found:
-                save_run(log, out)
-    return logs, [metrics(log) for log in logs]
+            save(found, rows, out)
+    return logs, rows
 
 
-def save_run(log: Log, out: Path) -> None:
-    """Write a log to ``out/logs/<scenario>-<controller>.npz`` and its row beside it.
-
-    ``summary.json`` and ``summary.csv`` have a row for every log in the folder, whoever
-    wrote it: one of the same name is replaced. ``provenance.json`` is of the last.
-    """
-    name = run_name(log.meta)
-    summary = list((read_summary(out) | {name: metrics(log)}).values())
+def save(logs: Sequence[Log], summary: Sequence[Metrics], out: Path) -> None:
+    """Write logs to ``out/logs/<scenario>-<controller>.npz``, and the rows so far."""
     (out / "logs").mkdir(parents=True, exist_ok=True)
-    log.save(out / "logs" / f"{name}.npz")
+    for log in logs:
+        log.save(out / "logs" / f"{run_name(log.meta)}.npz")
     for file, content in (("summary", summary), ("provenance", provenance())):
         text = json.dumps(content, indent=1, allow_nan=False)
         (out / f"{file}.json").write_text(text + "\n", encoding="utf-8")
     write_csv(out / "summary.csv", summary)
-
-
-def read_summary(out: Path) -> dict[str, Metrics]:
-    """Return the rows of a folder that :func:`save_run` wrote, by the run's name.
-
-    Raises:
-        DataError: They are damaged.
-    """
-    path = out / "summary.json"
-    if not path.exists():
-        return {}
-    try:
-        return {run_name(row): row for row in read_json(path)}
-    except (KeyError, TypeError) as error:
-        raise DataError(f"{path}: a row without {error}") from None
 
 
 def table(scenario: Scenario, summary: Sequence[Metrics]) -> Table:

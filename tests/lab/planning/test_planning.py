@@ -86,7 +86,7 @@ def planner(chart, search="astar", **changes):
     course = PlanningProblem(
         (0.0, 0.0, 0.0), (8.0, 0.0, 1.0), 0.4, 0.8, 1.0, 0.5, times
     )
-    return Planner(search, course, PlannerSettings(**changes), chart)
+    return Planner(search, course, chart, PlannerSettings(**changes))
 
 
 WALL = Obstacles(walls=[(4.0, -2.0, 4.0, 2.0)])
@@ -99,7 +99,7 @@ def test_at_the_goal_there_is_no_way_to_plan(off):
     for x in here:
         at = (x, 0.0, 0.0)
         course = PlanningProblem((0.0, 0.0, 0.0), at, 0.4, 0.8, 1.0, 0.5, times)
-        led = Planner("astar", course, PlannerSettings(), Obstacles())
+        led = Planner("astar", course, Obstacles())
         assert led(0.0, (x - off, -off, 0.0), 0.0, Obstacles()) is None
 
 

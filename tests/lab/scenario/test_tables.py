@@ -11,7 +11,6 @@ import pytest
 from places import ROOT
 from qpavoid.cli import main
 from qpavoid.guide.settings import GuideSettings
-from qpavoid.lab.planning.planner import PlannerSettings
 from qpavoid.lab.scenario.config import builtin_configs
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.scenario.schema import ScenarioModel
@@ -77,7 +76,6 @@ def test_empty_tables_are_the_defaults_of_python(tmp_path, kind):
     scenario = load_scenario(write(tmp_path, MINIMAL + ALL_TABLES % name))
     assert scenario.plant == Plant() and scenario.lidar == LidarSettings()
     assert scenario.guide == GuideSettings()
-    assert scenario.planner == PlannerSettings()
     assert scenario.perception == PerceptionSettings()
     assert scenario.localisation == kind()
     assert scenario.tracker.gains == Gains()
