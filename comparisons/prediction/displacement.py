@@ -13,7 +13,6 @@ import argparse
 from collections import defaultdict
 from functools import partial
 from itertools import product
-from timeit import repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -113,20 +112,13 @@ def errors(predict: Predictor, people: list[Moment]) -> tuple[Array, Array]:
     return np.concatenate(off), np.concatenate(sigmas)
 
 
-def microseconds(predict: Predictor, people: list[Moment]) -> float:
-    """Return the median time of a prediction of 20 people, µs."""
-    many = next(x.tracks for x in people if len(x.tracks.radii) >= 20)
-    tracks = qp.Tracks(*(x[:20] for x in many[:4]), *many[4:])
-    return 1e6 * float(np.median(repeat(lambda: predict(tracks), number=1, repeat=25)))
-
-
 def main() -> None:
     """Print the table and the fit."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", help="folder of the published sets")
     data = parser.parse_args().data
     worlds = {scene: moments(scene, data) for scene in SCENES}
-    print("| predictor |", " | ".join(SCENES), "| mean | 1σ | 2σ | µs |")
+    print("| predictor |", " | ".join(SCENES), "| mean | 1σ | 2σ |")
     for name, predict in PREDICTORS.items():
         means, inside = [], []
         for scene, people in worlds.items():
@@ -139,8 +131,7 @@ def main() -> None:
             inside.append([(share <= k).mean() for k in (1.0, 2.0)])
         cells = ["{:.2f} / {:.2f}".format(*x) for x in [*means, np.mean(means, axis=0)]]
         cells += [str(x) for x in np.round(inside, 2).T.tolist()]
-        spent = microseconds(predict, worlds["students03"])
-        print(f"| {name} |", " | ".join(cells), f"| {spent:.0f} |", flush=True)
+        print(f"| {name} |", " | ".join(cells), "|", flush=True)
     print({k: x.round(3) for k, x in fit(list(worlds.values())).keywords.items()})
 
 
