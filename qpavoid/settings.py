@@ -143,9 +143,10 @@ def want(holds: bool, what: str) -> None:
 
 
 def check(settings: Any, wants: str) -> None:
-    """Check a dataclass of settings against their declared ranges and choices.
+    """Check a dataclass of settings against their declared ranges, choices and order.
 
-    ``wants`` begins the message, such as ``"a guide needs"``.
+    ``wants`` begins the message, such as ``"a guide needs"``. The order of fields is in
+    a class variable ``ORDERED``: first, sign, second.
 
     Raises:
         InvalidInputError: For the first field that is not as declared, by name.
@@ -159,3 +160,6 @@ def check(settings: Any, wants: str) -> None:
         value = getattr(settings, setting.name)
         if wish := setting.wish(value):
             raise InvalidInputError(f"{wants} {setting.name} {wish}, not {value!r}")
+    for first, sign, second in getattr(settings, "ORDERED", ()):
+        holds = BOUNDS[sign](getattr(settings, first), getattr(settings, second))
+        want(holds, f"{wants} {first} {sign} {second}")

@@ -101,15 +101,13 @@ class SafetyRadius:
     zone_ratio: Annotated[float, Range(ge=1.0, allow_inf_nan=False)] = 4.0 / 3.0
     closing_gain: Annotated[float, "s", NOT_NEGATIVE] = 0.0
 
-    ORDERED: ClassVar = (("r_min_slow", "r_min_fast"), ("speed_low", "speed_high"))
-    """Pairs of fields of which the first must not exceed the second."""
+    ORDERED: ClassVar = (
+        ("r_min_slow", "<=", "r_min_fast"),
+        ("speed_low", "<=", "speed_high"),
+    )
 
     def __post_init__(self) -> None:
-        wants = "a safety radius needs"
-        check(self, wants)
-        for low, high in self.ORDERED:
-            ordered = getattr(self, low) <= getattr(self, high)
-            want(ordered, f"{wants} 0 <= {low} <= {high}")
+        check(self, "a safety radius needs")
 
     @staticmethod
     def keys_of(slow: float, fast: float) -> dict[str, float]:
@@ -220,8 +218,9 @@ class Actuation:
 HORIZON_STEPS = 10_000
 """Greatest number of control steps of a horizon; memory grows with it."""
 
-MOST_PENDING = 8
-"""Greatest number of twists that are pending because of the delay."""
+MOST_PENDING, MOST_TICKS = 8, 1000
+"""Greatest numbers of twists that are pending because of the delay, and of ticks in a
+horizon."""
 
 
 @dataclass(frozen=True)
@@ -245,14 +244,15 @@ class LookAhead:
     hysteresis: Annotated[float, Range(ge=0.0, lt=1.0)] = 0.4
     review: Annotated[float, "s", NOT_NEGATIVE] = 0.4
 
+    ORDERED: ClassVar = (
+        ("tick", "<=", "horizon"),
+        ("horizon_still", "<=", "horizon"),
+    )
+
     def __post_init__(self) -> None:
-        wants = "look-ahead needs"
-        check(self, wants)
-        want(self.tick <= self.horizon, f"{wants} 0 < tick <= horizon")
-        few = self.horizon / self.tick <= 1000
-        want(few, f"{wants} at most 1000 ticks in its horizon")
-        shorter = self.horizon_still <= self.horizon
-        want(shorter, f"{wants} 0 <= horizon_still <= horizon")
+        check(self, "look-ahead needs")
+        few = self.horizon / self.tick <= MOST_TICKS
+        want(few, f"look-ahead needs at most {MOST_TICKS} ticks in its horizon")
 
 
 @dataclass(frozen=True)

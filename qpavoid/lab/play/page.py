@@ -17,7 +17,12 @@ import numpy as np
 from qpavoid.avoidance.bodies import BODY_SIZE
 from qpavoid.avoidance.decision import SENTENCES, STATUSES
 from qpavoid.avoidance.plan import fresh_state
-from qpavoid.avoidance.settings import PARTS, AvoidanceSettings, SafetyRadius
+from qpavoid.avoidance.settings import (
+    MOST_PENDING,
+    MOST_TICKS,
+    PARTS,
+    AvoidanceSettings,
+)
 from qpavoid.avoidance.step import PROBLEM_SIZE
 from qpavoid.errors import ConfigError, DataError, UnknownNameError
 from qpavoid.guide.geodesic import CELL
@@ -109,6 +114,8 @@ SIZES = {
     "all_round": perceived.ALL_ROUND,
     "no_echo_free": NO_ECHO_FREE,
     "angle_error": perceived.Lidar().angle_error,
+    "ticks": MOST_TICKS,
+    "pending": MOST_PENDING,
     "map": {
         "cell": MAP_CELL,
         "half": HALF,
@@ -169,7 +176,7 @@ def play_page(
         "settings": [
             one for name, kind in SECTIONS.items() for one in entries(name, kind)
         ],
-        "ordered": SafetyRadius.ORDERED,
+        "ordered": list(ordered()),
         "sizes": SIZES,
         "statuses": list(STATUSES),
         "sentences": {str(status): text for status, text in SENTENCES.items()},
@@ -324,6 +331,15 @@ def entries(section: str, kind: type[Any]) -> Iterator[dict[str, Any]]:
                     "range": bounds(setting),
                     "effect": said.get(setting.name, ""),
                 }
+
+
+def ordered() -> Iterator[tuple[str, str, str]]:
+    """Yield the order of settings: ``section.key``, sign, ``section.key``."""
+    for section, kind in SECTIONS.items():
+        known = (one for one in declared(kind) if one.keys)
+        keys = {one.name: f"{section}.{one.keys[0]}" for one in known}
+        for first, sign, second in getattr(kind, "ORDERED", ()):
+            yield keys[first], sign, keys[second]
 
 
 def unit_of(key: str) -> str:

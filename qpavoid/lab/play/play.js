@@ -451,7 +451,7 @@ const Play = (() => {
   function change(key, value) {
     if (key.startsWith("robot.")) return changeLimit(key, value);
     const changed = { ...settings, [key]: value };
-    const why = Rules.misfit(changed, dt(), data.settings, data.ordered);
+    const why = Rules.misfit(changed, dt(), data.ordered, data.sizes);
     if (why) return why;
     settings = changed;
     changedBy(`${key} = ${value}`);
@@ -677,7 +677,7 @@ const Play = (() => {
     known: (name = focus) => known(pilots.get(name))[0], sense,
     kept: (name) => past.map(({ frames: at }) => at.get(name)), pose: (name = focus) => [...pilots.get(name).robot.pose],
     things: () => world.things, methods: names, settings: () => settings, scenario,
-    restart, run, misfit: (one) => Rules.misfit(one, dt(), data.settings, data.ordered),
+    restart, run, misfit: (one) => Rules.misfit(one, dt(), data.ordered, data.sizes),
     onPage(x, y) {
       const box = $("top").getBoundingClientRect();
       const [px, py] = Panels.toPixel($("top"), view, x, y);
