@@ -218,7 +218,7 @@ class Actuation:
 HORIZON_STEPS = 10_000
 """Greatest number of control steps of a horizon; memory grows with it."""
 
-MOST_PENDING, MOST_TICKS = 8, 1000
+MOST_PENDING, HORIZON_TICKS = 8, 1000
 """Greatest numbers of twists that are pending because of the delay, and of ticks in a
 horizon."""
 
@@ -251,8 +251,8 @@ class LookAhead:
 
     def __post_init__(self) -> None:
         check(self, "look-ahead needs")
-        few = self.horizon / self.tick <= MOST_TICKS
-        want(few, f"look-ahead needs at most {MOST_TICKS} ticks in its horizon")
+        few = self.horizon / self.tick <= HORIZON_TICKS
+        want(few, f"look-ahead needs at most {HORIZON_TICKS} ticks in its horizon")
 
 
 @dataclass(frozen=True)

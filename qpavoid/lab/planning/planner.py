@@ -98,13 +98,14 @@ class Planner:
         search: str,
         problem: PlanningProblem,
         chart: Obstacles,
-        settings: PlannerSettings = PlannerSettings(),
+        settings: PlannerSettings | None = None,
     ) -> None:
-        self.search, self.problem, self.settings = search, problem, settings
+        self.search, self.problem = search, problem
+        self.settings = settings or PlannerSettings()
         ends = np.array([problem.start[:2], problem.goal[:2]])
         walls = chart.walls.reshape(-1, 2)
         places = np.vstack([ends, chart.points, walls])
-        self._grid = Grid.around(places, settings.margin, settings.resolution)
+        self._grid = Grid.around(places, self.settings.margin, self.settings.resolution)
         self._grid.mark(chart, math.inf)
         self._route: Array | None = None
         self._due = -math.inf

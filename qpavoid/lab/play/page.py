@@ -18,8 +18,8 @@ from qpavoid.avoidance.bodies import BODY_SIZE
 from qpavoid.avoidance.decision import SENTENCES, STATUSES
 from qpavoid.avoidance.plan import fresh_state
 from qpavoid.avoidance.settings import (
+    HORIZON_TICKS,
     MOST_PENDING,
-    MOST_TICKS,
     PARTS,
     AvoidanceSettings,
 )
@@ -114,7 +114,7 @@ SIZES = {
     "all_round": perceived.ALL_ROUND,
     "no_echo_free": NO_ECHO_FREE,
     "angle_error": perceived.Lidar().angle_error,
-    "ticks": MOST_TICKS,
+    "ticks": HORIZON_TICKS,
     "pending": MOST_PENDING,
     "map": {
         "cell": MAP_CELL,
