@@ -1,10 +1,16 @@
-"""Guards as parameters make them."""
+"""Guards as parameters make them, and a loop of one with a world."""
 
+import math
+
+import numpy as np
+from ros_world import World
+
+import ros_messages as ros
 from qpavoid.model.footprint import Footprint
 from qpavoid.ros.guard import Guard
 from qpavoid.ros.parameters import Wiring, defaults, preset, setup_of
 
-DT, R_MIN = 0.05, 0.1
+DT, R_MIN, BEAMS = 0.05, 0.1, 360
 AT_ONCE = {"freshness.good_s": 0.0}
 SMALL = {"robot.footprint_m": str(Footprint.rectangle(0.5, 0.4).vertices.tolist()),
          "robot.acceleration_mps2": 1.5, "radius.r_min_slow_m": R_MIN,
@@ -23,3 +29,43 @@ def setup(values=(), **changed):
 
 def guarded(values=(), **wiring):
     return Guard(setup(values), Wiring(**wiring))
+
+
+class Loop:
+    """A guard in a world: scan, odometry and command in, a twist out that is driven.
+
+    All attributes may change between two steps: ``seen(ranges, k)`` changes what the
+    scanner gives, ``told`` is the twist of the odometry, if not the driven one.
+    """
+
+    def __init__(self, guard, walls=(), people=(), pose=(0.0, 0.0, 0.0)):
+        self.guard, self.world = guard, World(walls, people, pose)
+        self.now, self.steps, self.least = 100.0, [], math.inf
+        self.noise, self.rng, self.every = 0.005, np.random.default_rng(5), 1
+        self.seen, self.command, self.told = (lambda ranges, k: ranges), None, None
+        self.by_odometry = False
+
+    def step(self, *command):
+        self.now += DT
+        now, guard, world = (self.now, self.now), self.guard, self.world
+        if len(self.steps) % self.every == 0:
+            ranges = world.ranges(BEAMS, noise=self.noise, rng=self.rng)
+            ranges = self.seen(ranges, len(self.steps))
+            guard.see("scan", ros.scan(self.now, ranges, "laser", near=0.05), *now)
+        if guard.wiring.odometry == "odom":
+            twist = world.twist if self.told is None else self.told
+            guard.see("odom", ros.odometry(self.now, world.pose.tolist(), *twist), *now)
+        if command or self.command is not None:
+            guard.command(ros.twist(*(command or self.command)), *now)
+        driven = guard.odometry.trail.twist if self.by_odometry else None
+        step = guard.step(*now, driven)
+        world.drive(step.v, step.omega, DT)
+        self.steps.append(step)
+        self.least = np.minimum(self.least, world.clearances())
+        return step
+
+    def run(self, seconds, every=lambda k: None):
+        for k in range(round(seconds / DT)):
+            every(k)
+            self.step()
+        return self.steps[-round(seconds / DT) :]

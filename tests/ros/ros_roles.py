@@ -290,6 +290,20 @@ def follow(peer):
     return found
 
 
+def person(peer):
+    """Somebody comes at a parked robot without commands, seen by scans alone."""
+    walks = [(1.5, 0.0, 0.25, -0.8, 0.0)]
+    peer.begin(people=walks, **{"drive.mode": "command"})
+    peer.asked, at = None, time.monotonic()
+    peer.run(3.5)
+    late = [(a, b) for t, a, b in peer.arrows if t > at + 2.0]
+    rows = peer.since(at)
+    moves = max(abs(v) + abs(omega) for _, v, omega in rows)
+    occupied = max(n for t, _, n in peer.maps if t > at + 1.0)
+    speeds = [math.dist(a, b) for a, b in late]
+    return {"speeds": speeds, "moves": moves, "occupied": occupied}
+
+
 def bench(peer):
     """Latency with perception at 40 Hz and 1,080 beams; no test."""
     peer.begin([*ROOM, *BOX], [(2.0, 2.0, 0.25, -0.3, 0.0)])
@@ -319,7 +333,7 @@ def main():
     found = {}
     if guides := asked(guide):
         found |= play(int(domain), guides, role="guide", bond_heartbeat_period=0.1)
-    if filters := asked(teleop, dock, follow):
+    if filters := asked(teleop, dock, follow, person):
         found |= play(int(domain) + 1, filters, **MODES)
     if "bench" in names:
         found |= play(int(domain) + 2, [bench], **LATE_TIMER)

@@ -4,7 +4,6 @@ Slow, and on Linux with x86-64 alone: an environment of its own is made of wheel
 """
 
 import json
-import math
 import os
 import random
 import subprocess
@@ -101,11 +100,17 @@ def test_a_person_is_followed_at_1_m(driven):
     assert not done and "mode to be one of command, teleop, dock, follow" in why
 
 
+def test_a_person_in_scans_has_a_velocity_in_the_markers(driven):
+    """0.8 m/s towards the robot, which steps aside without a command."""
+    found = driven["person"]
+    assert len(found["speeds"]) > 3 and found["moves"] > 0.1
+    assert all(abs(speed - 0.8) < 0.15 for speed in found["speeds"])
+    assert found["occupied"] > 100
+
+
 OUTAGES = {
     "kill": (0.25, "scan: stale."),
     "odometry": (0.2, "odom: stale."),
-    "same_stamp": (0.25, "scan: unordered."),
-    "future": (0.25, "scan: future."),
     "blind": (0.1, "scan: blind."),
 }
 """Seconds from the last good message to standing, on a machine that others use too."""
@@ -121,10 +126,6 @@ def test_it_brakes_says_why_and_drives_again(happened, scene):
     assert found["stops"] < longest and found["hold"] > 0.98
     assert found["resumes"] < 1.0
     assert any(why in said for said in found["said"])
-
-
-def test_an_obstacle_ahead_is_kept_away_from(happened):
-    assert abs(happened["wall"]["v"]) < 0.1
 
 
 def test_it_drives_while_all_is_well(happened):
@@ -148,15 +149,6 @@ def test_without_commands_it_stands_and_steps_aside(happened):
     assert found["stands"] < 0.7 and found["twists"] > 30 and found["backs_up"] < -0.1
 
 
-def test_a_person_in_scans_has_a_velocity_in_the_markers(happened):
-    """0.8 m/s towards the robot, which steps aside without a command."""
-    found = happened["person"]
-    assert len(found["velocities"]) > 3 and found["moves"] > 0.1
-    for x, y in found["velocities"]:
-        assert math.hypot(x + 0.8, y) < 0.15
-    assert found["occupied"] > 100
-
-
 def test_it_comes_back_after_a_kill_and_ends_standing(happened):
     assert happened["restart"]["goes"] < 30.0
     assert happened["ends"] == {"status": 0, "last": [0.0, 0.0]}
@@ -178,62 +170,21 @@ def test_a_clock_that_stands_or_jumps(happened):
 
 
 LIFE = """
-import sys
-from types import ModuleType, SimpleNamespace as Fields
-
-import rclpy
+import sys, rclpy
 from rclpy.parameter import Parameter
-from std_msgs.msg import Empty
-
-tf = sys.modules["tf2_msgs.msg"] = ModuleType("tf2_msgs.msg")
-sys.modules["tf2_msgs"] = ModuleType("tf2_msgs")
-tf.TFMessage = Empty
-
-from geometry_msgs.msg import TransformStamped
-from qpavoid.ros.node import SUCCESS, LaserScan, SafetyNode
-
-rclpy.init(args=["node", "--ros-args", "-p", "tf:=true", "-p", "odometry:=''"])
+from qpavoid.ros.node import SUCCESS, SafetyNode
+rclpy.init(args=["node", "--ros-args", "--params-file", sys.argv[1]])
 node = SafetyNode()
-assert node.trigger_configure() is SUCCESS and node.trigger_activate() is SUCCESS
-mast = TransformStamped()
-mast.header.frame_id, mast.child_frame_id = "base_link", "mast"
-mast.transform.translation.x = 1.0
-node._guard.sensing.frames.add(Fields(transforms=[mast]), fixed=True)
-mast.transform.rotation.w = float("nan")
-node._guard.sensing.frames.add(Fields(transforms=[mast]))
-for frame in ("mast", "nowhere"):
-    scan = LaserScan(angle_increment=0.1, range_min=0.1, range_max=9.0, ranges=[2.0])
-    scan.header.frame_id, scan.header.stamp = frame, node.get_clock().now().to_msg()
-    node._on_input("scan", scan)
-    node._step()
-    print(frame, node._guard.errors)
-values = {"radius.r_min_slow_m": -1.0, "scans": ["b"], "robot.v_max_mps": 0.1}
-for name, value in values.items():
-    (done,) = node.set_parameters([Parameter(name, value=value)])
-    print(name, done.successful, done.reason)
-assert node._guard.setup.robot.limits.v_max == 0.1
-for step in ("deactivate", "cleanup", "configure", "activate", "shutdown"):
+for step in "configure activate deactivate cleanup configure activate".split():
     assert getattr(node, f"trigger_{step}")() is SUCCESS, step
+node._step()
+for name, value in {"radius.r_min_slow_m": -1.0, "scans": ["b"]}.items():
+    assert not node.set_parameters([Parameter(name, value=value)])[0].successful
+assert node.trigger_shutdown() is SUCCESS
 """
 
 
-def test_frames_by_tf_and_a_whole_life(python):
-    """tf2_msgs has no wheels: its messages are given to the node by hand."""
-    run = lines(python, "-c", LIFE, ROS_DOMAIN_ID="59")
-    known, unknown, radius, scans, speed = run[-5:]
-    assert known.startswith("mast") and "'tf': " in known and "'scan'" not in known
-    assert "unknown frame 'nowhere'" in unknown
-    assert "False radius: a safety radius needs r_min_slow >= 0" in radius
-    assert " False " in scans and speed.startswith("robot.v_max_mps True")
-
-
 @pytest.mark.parametrize("name", ["turtlebot", "mir"])
-def test_shipped_parameters_start_a_node(python, name):
+def test_a_whole_life_with_shipped_parameters(python, name):
     file = ROOT / "configs" / "ros" / f"{name}.yaml"
-    code = (
-        "import rclpy; from qpavoid.ros.node import *; "
-        f"rclpy.init(args=['node', '--ros-args', '--params-file', {str(file)!r}]); "
-        "node = SafetyNode(); assert node.trigger_configure() is SUCCESS; "
-        "assert node.trigger_activate() is SUCCESS; node._step()"
-    )
-    lines(python, "-c", code, ROS_DOMAIN_ID="58")
+    lines(python, "-c", LIFE, str(file), ROS_DOMAIN_ID="58")

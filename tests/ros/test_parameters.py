@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from ros_guards import AT_ONCE, guarded
 
 import ros_messages as ros
 from places import ROOT
@@ -16,7 +17,7 @@ from qpavoid.lab.study.replay import read_parameters
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.ros.guard import Guard
-from qpavoid.ros.parameters import PRESETS, TABLES, Wiring, defaults, preset, setup_of
+from qpavoid.ros.parameters import PRESETS, TABLES, defaults, preset, setup_of
 from qpavoid.ros.report import ERROR, OK, WARN, diagnose, markers
 
 SHIPPED = sorted((ROOT / "configs" / "ros").glob("[!s]*.yaml"))
@@ -82,11 +83,29 @@ def test_shipped_files_are_valid(path):
     assert Guard(setup, wiring).inputs.watches and setup.freshness.good > 0.0
 
 
+@pytest.mark.parametrize(
+    ("wiring", "said"),
+    [({"scans": ()}, "must name a topic"),
+     ({"scans": ("a", "a")}, "a topic is repeated"),
+     ({"frame_poses": (0.0,) * 6}, "frame_poses needs 6 numbers"),
+     ({"mask_boxes_m": (1.0, 0.0, 0.0, 1.0)}, "x_min, y_min < x_max"),
+     ({"mask_boxes_m": (1.0,)}, "mask_boxes_m needs 4 numbers"),
+     ({"last_beam_stamps": ("scam",)}, "last_beam_stamps names"),
+     ({"empty_is_free": ("scan",)}, "empty_is_free names"),
+     ({"frames": ("a",), "frame_poses": (0, 0, 0, 0, 0, 180)}, "180 degrees are 3.142"),
+     ({"role": "planner"}, "role must be one of"),
+     ({"role": "guide", "odometry": ""}, "a guide needs odometry"),
+     ({"dock_frame": "dock"}, "a dock needs dock_frame and dock_m"),
+     ({"dock_frame": "dock", "dock_m": (0.0, 0.0, 1.0)}, "dock_m needs 2 numbers")],
+)  # fmt: skip
+def test_wiring_that_is_wrong_is_named(wiring, said):
+    with pytest.raises(InvalidInputError, match=said):
+        guarded(**wiring)
+
+
 @pytest.fixture
 def guard():
-    robot = preset("mir100")
-    given = {"freshness.good_s": 0.0}
-    return Guard(setup_of(defaults(robot) | given, robot, 0.05), Wiring(odometry=""))
+    return guarded(AT_ONCE, odometry="")
 
 
 def step(guard, distance, v=0.8):

@@ -302,12 +302,6 @@ def latency(peer, node, seconds=30.0):
     return quantiles(latencies(peer, at)) | told
 
 
-def wall(peer, node):
-    begun = peer.drive(2.0, scan=lambda _: peer.scan(0.85))
-    rows = peer.since(begun + 1.0)
-    return {"v": sum(v for _, v, _ in rows) / len(rows), "said": peer.messages(begun)}
-
-
 def outage(peer, node, *failing, tries=5):
     """Return what an input's failure does, on a machine that keeps nobody waiting."""
     for _ in range(tries):
@@ -340,15 +334,6 @@ def kill(peer, node):
 
 def odometry(peer, node):
     return outage(peer, node, lambda _: peer.scan(5.0), False)
-
-
-def same_stamp(peer, node):
-    stamp = peer.time()
-    return outage(peer, node, lambda _: peer.scan(5.0, stamp))
-
-
-def future(peer, node):
-    return outage(peer, node, lambda _: peer.scan(5.0, peer.time() + 3.0))
 
 
 def blind(peer, node):
@@ -393,32 +378,6 @@ def silence(peer, node):
     rows, peer.people = peer.since(begun), []
     least = min(v for _, v, _ in rows)
     return {"stands": stands, "twists": len(rows), "backs_up": least}
-
-
-def person(peer, node, speed=0.8, seconds=3.5):
-    """Somebody comes at a robot that is parked in a room, seen by scans alone.
-
-    The pose jumps, so that the map of the other scenes is forgotten.
-    """
-    peer.pose = (50.0, 0.0, 0.0)
-    angles = [2.0 * math.pi / BEAMS * k - math.pi for k in range(BEAMS)]
-    walls = [5.0 / max(abs(math.cos(a)), abs(math.sin(a))) for a in angles]
-    begun = time.monotonic()
-
-    def scan(_):
-        x, ranges = 4.5 - speed * (time.monotonic() - begun), list(walls)
-        for k, a in enumerate(angles):
-            inside = 0.25**2 - (x * math.sin(a)) ** 2
-            if inside > 0.0 and math.cos(a) > 0.0:
-                ranges[k] = x * math.cos(a) - math.sqrt(inside)
-        peer.scan(ranges=ranges)
-
-    peer.drive(seconds, scan=scan, command=False)
-    late = [(b[0] - a[0], b[1] - a[1]) for t, a, b in peer.arrows if t > begun + 2.0]
-    rows = peer.since(begun)
-    moves = max(abs(v) + abs(omega) for _, v, omega in rows)
-    occupied = max(n for t, _, n in peer.maps if t > begun + 1.0)
-    return {"velocities": late, "moves": moves, "occupied": occupied}
 
 
 def restart(peer, node):
@@ -483,8 +442,8 @@ def bad_clock(peer, node):
 
 
 SCENES = (
-    *(latency, wall, kill, odometry, same_stamp, future, blind),
-    *(reorder, flood, silence, person, restart, memory, ends),
+    *(latency, kill, odometry, blind, reorder, flood),
+    *(silence, restart, memory, ends),
 )
 CLOCKED = frozen, jump, bad_clock
 
