@@ -154,34 +154,33 @@ def read_scan(message: Any) -> Sight:
     """
     ranges = np.asarray(message.ranges, dtype=np.float64)
     near, far = float(message.range_min), float(message.range_max)
-    fan = _fan(message, ranges)
+    first, step, span = _angles(message, ranges)
     want(0.0 <= near < far, "a scan needs finite angles, 0 <= min < max")
-    near, known = max(near, NO_RETURN), fan.ranges
-    known[ranges >= near] = ranges[ranges >= near]
+    near = max(near, NO_RETURN)
+    known = np.where(ranges >= near, ranges, np.nan)
     known[ranges > far * (1.0 + RANGE_ROUNDING)] = np.inf
     known[ranges == np.inf], known[ranges == -np.inf] = np.inf, near
-    beams = np.flatnonzero(np.isfinite(known))
-    distances, many = known[beams], len(beams)
+    beams, fan = np.flatnonzero(np.isfinite(known)), Fan(first, step, known, span, far)
+    distances, many, all_of = known[beams], len(beams), len(ranges)
     points = np.zeros((many, 3))
     points[:, :2] = distances[:, None] * fan.directions[beams]
-    valid = 1.0 - float(fan.unknown.mean()) if len(ranges) else 0.0
+    valid = 1.0 - float(fan.unknown.mean()) if all_of else 0.0
     middle = np.partition(distances, many // 2)[many // 2] if many else math.nan
     same = np.count_nonzero(distances == middle)
-    stuck = len(ranges) > 2 and same >= STUCK_SHARE * len(ranges)
-    after = beams * np.float64(fan.span / max(len(ranges) - 1, 1))
-    fan = fan._replace(far=far)
+    stuck = all_of > 2 and same >= STUCK_SHARE * all_of
+    after = beams * np.float64(span / max(all_of - 1, 1))
     return Sight(*_header(message), points, after, valid, bool(stuck), fan)
 
 
-def _fan(message: Any, ranges: Array) -> Fan:
-    """Return the beams of a scan, with all of them unknown."""
+def _angles(message: Any, ranges: Array) -> tuple[float, float, float]:
+    """Return the first angle and the step of beams, rad, and their span, s."""
     first, step = float(message.angle_min), float(message.angle_increment)
     many = len(ranges) if ranges.ndim == 1 else MOST_POINTS + 1
     want(many <= MOST_POINTS, "a scan needs ranges")
     known = math.isfinite(first) and math.isfinite(first + step * many)
     want(known and math.isfinite(message.range_min), "a scan needs finite angles")
     if many < 2:
-        return Fan(first, step, np.full(many, np.nan))
+        return first, step, 0.0
     want(step != 0.0, "a scan needs an angle_increment")
     last = first + step * (many - 1)
     told = float(getattr(message, "angle_max", 0.0)) or last  # 0: not filled in
@@ -191,7 +190,7 @@ def _fan(message: Any, ranges: Array) -> Fan:
     whole = float(getattr(message, "scan_time", 0.0))
     fits = abs(span) <= MOST_SPAN and not 0.0 < whole * MOST_TURNS < abs(span)
     want(fits, f"time_increment makes a scan of {span:.3g} s; scan_time is {whole:.3g}")
-    return Fan(first, step, np.full(many, np.nan), span)
+    return first, step, span
 
 
 def read_cloud(message: Any) -> Sight:

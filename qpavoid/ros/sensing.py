@@ -154,7 +154,11 @@ class Sensing:
         on the robot, or in its outline, do not count as valid.
         """
         place, outline, fan = self._place(seen), self._setup.robot.footprint, seen.fan
-        flat, valid = self._flat(topic, place.apply(seen.points)), seen.valid
+        points, valid = place.apply(seen.points), seen.valid
+        if fan is None:
+            low, high = self._wiring.height_min_m, self._wiring.height_max_m
+            points = points[(points[:, 2] >= low) & (points[:, 2] <= high)]
+        flat = np.ascontiguousarray(points[:, :2])
         near = mask.inside(outline, flat, self._wiring.mask_m)
         inside = mask.inside(outline, flat)
         own = self._is_own(topic, flat, near)
@@ -246,13 +250,6 @@ class Sensing:
         if seen.frame in self._sensors:
             return self._sensors[seen.frame]
         return self.frames.find(self._wiring.base_frame, seen.frame, seen.stamp)
-
-    def _flat(self, topic: str, points: Array) -> Array:
-        """Return points (n, 2) on the base, m; of a cloud those in the height band."""
-        if topic in self._wiring.clouds:
-            low, high = self._wiring.height_min_m, self._wiring.height_max_m
-            points = points[(points[:, 2] >= low) & (points[:, 2] <= high)]
-        return np.ascontiguousarray(points[:, :2])
 
     def _is_own(self, topic: str, flat: Array, near: mask.Flags) -> mask.Flags:
         """Return which points (n, 2) are the robot itself; ``near``: candidates."""
