@@ -118,6 +118,8 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         option("--points N", "points at most", 0),
         option("--walls N", "walls at most", 0),
         option("--polygons N", "polygons at most", 0),
+        option("--parts N", "convex parts of a changed footprint at most", 0),
+        option("--edges N", "of all these parts at most", 0),
         option("--beams N", "of a LiDAR's scan: perception is written, too", 0),
         option("--no-ahead", "rows of the present only"),
         option("--wasm", "a WebAssembly module instead, for any robot; needs zig"),

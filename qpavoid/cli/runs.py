@@ -185,10 +185,11 @@ def export_c(options: Namespace) -> None:
     from qpavoid.lab.scenario.scenario import load_scenario
 
     polygons = options.polygons, 8 * options.polygons
-    numbers = options.obstacles, options.points, options.walls, *polygons
-    named = "--obstacles, --points, --walls, --polygons, --beams"
+    sizes = options.beams, options.parts, options.edges
+    numbers = options.obstacles, options.points, options.walls, *polygons, *sizes
+    named = "--obstacles, --points, --walls, --polygons, --beams, --parts, --edges"
     with told_by(named, InvalidInputError):
-        capacity = Capacity(*numbers, options.beams)
+        capacity = Capacity(*numbers)
     presets, settings = _presets(), AvoidanceSettings()
     robot, lidar, bodies = presets.get(options.robot), None, None
     if robot is None:

@@ -7,6 +7,7 @@ from typing import Any
 from qpavoid.export.translate import Translation
 from qpavoid.export.values import Value, braced, c_number, constant, wrapped
 from qpavoid.model.capsules import CAPSULE_WIDTH
+from qpavoid.model.contact import point_contact
 from qpavoid.model.kinematics import arc
 from qpavoid.model.robot import Robot
 from qpavoid.perception.local_map import SIDE
@@ -20,7 +21,14 @@ from qpavoid.perception.perception import (
 from qpavoid.perception.scan import BEAM_COS, BEAM_SIN, BEAM_WIDTH, RAY_SIZE
 from qpavoid.perception.settings import Lidar, PerceptionSettings
 from qpavoid.perception.tracks import MOST_TRACKS
-from qpavoid.perception.update import Found, Memory, Scan, obstacles_at, perceive
+from qpavoid.perception.update import (
+    Found,
+    Memory,
+    Model,
+    Scan,
+    obstacles_at,
+    perceive,
+)
 
 PERCEPTION_FILES = ("qpavoid_perception.h", "qpavoid_perception.c", "perceive.c")
 
@@ -31,7 +39,7 @@ def perception_texts(
     """Return the texts of the templates of :data:`PERCEPTION_FILES`, by name.
 
     Args:
-        robot: Its footprint is left out of the obstacles.
+        robot: Robot with the scanner.
         lidar: Geometry of the scanner.
         beams: Number of its beams.
         settings: Of bodies and memory.
@@ -67,11 +75,13 @@ def perception_texts(
     scan = packed([*parts, *given("p->time"), packed(begin), packed(motion)], Scan)
     memory = packed([arrays[name] for name in Memory._fields], Memory)
     found = packed([arrays[name] for name in Found._fields], Found)
-    edges = Value("", "edges", known=robot.footprint.edges)
+    edges = Value("matrix", "read_only(filter->edges[0], filter->n_edges, 6)")
+    model = packed([Value("double", "inner"), *map(constant, known.model[1:])], Model)
     calls = {
+        "nearest_edge": call(point_contact, [edges, constant(0.0), constant(0.0)]),
         "started": call(arc, [*pose, *twist, *given("middle - stamp")]),
         "ended": call(arc, [*begin, *twist, *given("QPAVOID_SWEEP")]),
-        "taken": call(perceive, [memory, scan, numbers(known.model)]),
+        "taken": call(perceive, [memory, scan, model]),
         "counted": call(
             obstacles_at, [memory, scan, edges, packed(pose), *given("time"), found]
         ),

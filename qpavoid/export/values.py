@@ -164,7 +164,8 @@ def commented(module: str, docstring: str | None, text: str) -> str:
     return f"{textwrap.fill(summary, 88, subsequent_indent=' * ')}\n{text}"
 
 
-SAME = {getattr(math, name): name for name in LIBM} | {np.ceil: "ceil"}
+SAME: dict[Any, str] = {getattr(math, name): name for name in LIBM}
+SAME |= {np.ceil: "ceil", np.hypot: "hypot"}
 """Python functions with a C function of the same result."""
 
 ROUNDINGS = {int: "", round: "rint", math.floor: "floor", math.ceil: "ceil"}

@@ -1,6 +1,6 @@
 """Export of the filter for one robot: C99 source, header and example."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
@@ -17,8 +17,8 @@ from qpavoid.errors import InvalidInputError
 from qpavoid.export.perception import PERCEPTION_FILES, perception_texts
 from qpavoid.export.translate import Translation
 from qpavoid.export.values import TEMPLATES, Value, braced, c_number, constant, wrapped
-from qpavoid.model.capsules import CAPSULE_WIDTH, fill_capsules
-from qpavoid.model.footprint import Footprint
+from qpavoid.model.capsules import CAPSULE_WIDTH, fill_capsules, is_convex
+from qpavoid.model.footprint import Footprint, fill_edges
 from qpavoid.model.robot import Robot, braking_twist, driven_twist
 from qpavoid.perception.settings import Lidar, PerceptionSettings
 
@@ -44,6 +44,8 @@ class Capacity:
         polygons: Convex polygons with velocities and rates of turn.
         corners: Of all polygons together, at least three for each.
         beams: Of a scan; 0: no perception is exported.
+        parts: Convex parts of the footprint; at least those of the exported one.
+        edges: Of all parts together; at least those of the exported footprint.
 
     Raises:
         InvalidInputError: No discs, too few corners, or a negative number.
@@ -55,10 +57,11 @@ class Capacity:
     polygons: int = 0
     corners: int = 0
     beams: int = 0
+    parts: int = 0
+    edges: int = 0
 
     def __post_init__(self) -> None:
-        least = min(self.points, self.walls, self.polygons, self.beams)
-        if self.discs < 1 or least < 0:
+        if self.discs < 1 or min(asdict(self).values()) < 0:
             raise InvalidInputError("an export needs discs >= 1, and no number below 0")
         if self.corners < 3 * self.polygons:
             raise InvalidInputError("an export needs corners >= 3 for each polygon")
@@ -68,11 +71,18 @@ class Capacity:
         """Rows of the table of obstacles other than points."""
         return self.discs + self.walls + self.corners
 
-    def rows(self, footprint: Footprint) -> int:
-        """Return the greatest number of rows of the QP."""
-        edges, parts = len(footprint.edges), len(footprint.parts)
+    @property
+    def rows(self) -> int:
+        """Greatest number of rows of the QP."""
+        edges, parts = self.edges, self.parts
         most = (self.points + self.discs) * parts + self.walls * (2 * parts + edges)
         return most + self.corners * (parts + edges)
+
+    def fitting(self, footprint: Footprint) -> "Capacity":
+        """Return a capacity that is large enough for a footprint."""
+        parts, edges = len(footprint.parts), len(footprint.edges)
+        most = {"parts": max(self.parts, parts), "edges": max(self.edges, edges)}
+        return replace(self, **most)
 
 
 def export_c(
@@ -103,6 +113,7 @@ def export_c(
     Raises:
         TranslationError: A compiled function cannot be written as C.
     """
+    capacity = capacity.fitting(robot.footprint)
     texts = {
         "version": version("qpavoid"),
         "robot": f"{robot.name}, of {len(robot.footprint.edges)} edges",
@@ -135,14 +146,11 @@ def functions(
     """Return the functions as C, their calls, and the sizes of their arrays."""
     translation, record = Translation(), settings.record()
     call, packed = translation.call, translation.structs.packed
-    rows = capacity.rows(robot.footprint)
-    size, state = memory_size(rows, record), len(fresh_state())
-    known = {
-        "edges": robot.footprint.edges,
-        "robot": robot.limit_vector,
-        "settings": record,
-    }
-    setup = packed([Value("", name, known=k) for name, k in known.items()], Setup)
+    size, state = memory_size(capacity.rows, record), len(fresh_state())
+    limits = f"(vector){{filter->robot, {len(robot.limit_vector)}}}"
+    edges = "(matrix){filter->edges[0], filter->n_edges, 6}"
+    given = Value("matrix", edges), Value("vector", limits)
+    setup = packed([*given, Value("", "settings", known=record)], Setup)
     points, capsules = Value("matrix", "points"), Value("matrix", "capsules")
     age, v, omega = (Value("double", name) for name in ("age", "v", "omega"))
     look_ahead = Value("", c_number(ahead), known=ahead)
@@ -158,7 +166,10 @@ def functions(
     braking = call(braking_twist, [setup.parts[1], *last, dt])
     driven = call(driven_twist, [setup.parts[1], v, omega])
     twist = translation.structs.parts(Value(driven.kind, "twist"))
+    part = [Value("matrix", "given"), Value("int", "begin"), Value("int", "end")]
     return {
+        "is_convex": call(is_convex, part).text,
+        "fill_edges": call(fill_edges, [*part, given[0]]).text,
         "twist": braking.kind,
         "braking": braking.text,
         "driven": driven.text,
@@ -179,7 +190,7 @@ def constants(robot: Robot, settings: AvoidanceSettings) -> dict[str, Any]:
     values = {name: constant(record[name].item()) for name in record.dtype.names or ()}
     return {
         "n_edges": len(edges),
-        "edges": ",\n".join(f"    {braced(edge)}" for edge in edges),
+        "own_edges": ",\n".join(f"    {braced(edge)}" for edge in edges),
         "n_limits": len(robot.limit_vector),
         "limits": braced(robot.limit_vector),
         "fields": "\n".join(f"    {v.kind} {name};" for name, v in values.items()),

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from qpavoid.compiled import compiled_once
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.capsules import CORNER
 from qpavoid.model.contact import point_contact
@@ -117,6 +118,28 @@ def convex_parts(corners: list[Corner]) -> list[list[Corner]]:
     return [part for half in halves for part in convex_parts(half)]
 
 
+@compiled_once
+def fill_edges(corners: Array, begin: int, end: int, edges: Array) -> float:
+    """Fill in the edges of a convex part; return its circumradius, m.
+
+    Args:
+        corners: (n, 2) of all parts, one after the other, m.
+        begin: Row of its first corner.
+        end: Row after its last one.
+        edges: (n, 6) of all parts, see :attr:`Footprint.edges`.
+    """
+    reach = 0.0
+    for i in range(begin, end):
+        j = i + 1 if i + 1 < end else begin
+        a, edge = corners[i], edges[i]
+        x, y = corners[j, 0] - a[0], corners[j, 1] - a[1]
+        length = np.hypot(x, y)
+        edge[0], edge[1], edge[2], edge[3] = a[0], a[1], y / length, -x / length
+        edge[4], edge[5] = length, end
+        reach = max(reach, np.hypot(a[0], a[1]))
+    return reach
+
+
 def checked(given: Any) -> Array:
     """Return the corners (n, 2) of a simple polygon, read-only."""
     try:
@@ -167,7 +190,7 @@ class Footprint:
     edges: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        outlines, parts, tables, end = tuple(map(checked, self.outlines)), [], [], 0
+        outlines, parts, end = tuple(map(checked, self.outlines)), [], 0
         if not outlines:
             raise InvalidInputError("a footprint takes one polygon or more, not none")
         for outline in outlines:
@@ -176,14 +199,11 @@ class Footprint:
             ]
         if not parts:
             raise InvalidInputError("a footprint takes polygons with a width")
+        vertices, corners = np.vstack(outlines), np.vstack(parts)
+        edges = np.empty((len(corners), 6))
         for part in parts:
-            side = np.roll(part, -1, axis=0) - part
-            length = np.hypot(side[:, 0], side[:, 1])
-            normal = np.column_stack([side[:, 1], -side[:, 0]]) / length[:, None]
-            end += len(part)
-            ends = np.full(len(part), float(end))
-            tables.append(np.column_stack([part, normal, length, ends]))
-        vertices, edges = np.vstack(outlines), np.vstack(tables)
+            begin, end = end, end + len(part)
+            fill_edges.py_func(corners, begin, end, edges)  # type: ignore[attr-defined]
         for array in (*parts, vertices, edges):
             array.setflags(write=False)
         object.__setattr__(self, "vertices", vertices)

@@ -4,6 +4,7 @@ import ctypes
 import math
 import re
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -81,19 +82,31 @@ class InC:
         self.library = ctypes.CDLL(str(folder / "perception.so"))
         self.memory = ctypes.create_string_buffer(1 << 23)
         self.seen = np.zeros((), problem_type(capacity)["obstacles"])
+        self.filter = ctypes.create_string_buffer(1 << 23)
+        self.library.qpavoid_init(self.filter)
         self.library.qpavoid_perception_init(self.memory)
+
+    def fit(self, corners):
+        """Change the footprint to one convex part."""
+        kinds = [("counts", np.int32, 2), ("corners", np.float64, (5, 2))]
+        given = np.zeros((), np.dtype(kinds, align=True))
+        given["counts"], given["corners"][: len(corners)] = (1, len(corners)), corners
+        at = given.ctypes.data_as(ctypes.c_void_p)
+        assert self.library.qpavoid_set_footprint(self.filter, at) == 0
 
     def update(self, ranges, stamp, pose, twist):
         arrays = (np.array(x, dtype=float) for x in (ranges, pose, twist))
         ranges, pose, twist = (np.ctypeslib.as_ctypes(x) for x in arrays)
         time = ctypes.c_double(stamp)
-        return self.library.qpavoid_perceive(self.memory, ranges, time, pose, twist)
+        return self.library.qpavoid_perceive(
+            *(self.memory, self.filter, ranges, time, pose, twist)
+        )
 
     def obstacles(self, time, pose):
         """Points, discs and velocities, and how many were left out."""
         at, seen = np.ctypeslib.as_ctypes(np.array(pose, dtype=float)), self.seen
         out = self.library.qpavoid_perceived(
-            *(self.memory, ctypes.c_double(time), at),
+            *(self.memory, self.filter, ctypes.c_double(time), at),
             seen.ctypes.data_as(ctypes.c_void_p),
         )
         n, m = int(seen["n_points"]), int(seen["n_discs"])
@@ -131,7 +144,11 @@ def drive(seed):
 def test_every_obstacle_has_the_bits_of_python(tmp_path, seed):
     machine = InC(tmp_path, Capacity(64, 4000, beams=270), SWEPT)
     perception, found, refused = qp.Perception(ROBOT, SWEPT), 0, 0
-    for ranges, stamp, pose, twist in drive(seed):
+    large = qp.Footprint.rectangle(6.0, 5.0)
+    for k, (ranges, stamp, pose, twist) in enumerate(drive(seed)):
+        if k == 40:
+            machine.fit(large.vertices)
+            perception.fit(replace(ROBOT, footprint=large))
         try:
             perception.update(ranges, stamp, pose, twist=twist)
             assert machine.update(ranges, stamp, pose, twist) == 0

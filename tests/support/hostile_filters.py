@@ -74,8 +74,11 @@ def closed_loops(count):
     return problems
 
 
-def in_python(robot, settings, ahead, problems):
-    """Return what the package answers; where it raises, C brakes."""
+def in_python(robot, settings, ahead, problems, footprints=()):
+    """Return what the package answers; where it raises, C brakes.
+
+    Footprints, by the problem before which they are set, replace that of the robot.
+    """
     safety = SafetyFilter(robot, settings, ahead=ahead)
     answers = np.zeros(len(problems), ANSWER)
     last, driven = (0.0, 0.0), None
@@ -86,6 +89,8 @@ def in_python(robot, settings, ahead, problems):
             last = as_driven((p["last_v"], p["last_omega"]), robot.limit_vector)
             driven = None
             safety.reset(*last)
+        if i in footprints:
+            safety.footprint = footprints[i]
         try:
             if not all(0 <= k <= getattr(CAPACITY, name) for name, k in n.items()):
                 raise InvalidInputError("too many")

@@ -39,10 +39,10 @@ int main(void)
         const double time = k * SCAN_TIME;
         for (int beam = 0; beam < QPAVOID_BEAMS; beam++)
             scan[beam] = range(pose, beam, time);
-        qpavoid_perceive(&perception, scan, time, pose, twist);
+        qpavoid_perceive(&perception, &filter, scan, time, pose, twist);
         for (double t = 0.0; t < SCAN_TIME - 0.5 * QPAVOID_DT; t += QPAVOID_DT) {
             qpavoid_decision d;
-            qpavoid_perceived(&perception, time + t, pose, &seen);
+            qpavoid_perceived(&perception, &filter, time + t, pose, &seen);
             qpavoid_step(&filter, 0.0, 0.0, &seen, &d);
             twist[0] = d.v, twist[1] = d.omega;
             const double turned = QPAVOID_DT * d.omega;

@@ -7,16 +7,17 @@
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
+#include <string.h>
 
-/* Edges of the footprint: start (m), outward unit normal, length (m), and the row after
- * the last edge of its convex part. */
-static const double edges[$n_edges][6] = {
-$edges
+/* Edges of the exported footprint: start (m), outward unit normal, length (m), and the
+ * row after the last edge of its convex part. */
+static const double own_edges[$n_edges][6] = {
+$own_edges
 };
 
 /* v_min, v_max, omega_min, omega_max, acceleration, angular_acceleration, wheel_speed,
  * track, and the footprint's circumradius; m/s, rad/s and m. */
-static const double robot[$n_limits] = $limits;
+static const double own_limits[$n_limits] = $limits;
 
 static const struct {
 $fields
@@ -51,6 +52,9 @@ void qpavoid_reset(qpavoid_filter *filter, double v, double omega)
 
 void qpavoid_init(qpavoid_filter *filter)
 {
+    memcpy(filter->edges, own_edges, sizeof own_edges);
+    memcpy(filter->robot, own_limits, sizeof own_limits);
+    filter->n_edges = $n_edges;
     qpavoid_reset(filter, 0.0, 0.0);
 }
 
@@ -61,6 +65,43 @@ void qpavoid_driven(qpavoid_filter *filter, double v, double omega)
         filter->state[0] = twist._0;
         filter->state[1] = twist._1;
     }
+}
+
+/* Numbers that are only read, for a matrix, which could be written to as well. */
+static matrix read_only(const double *at, int rows, int columns)
+{
+    union { const double *given; double *taken; } pointer;
+    pointer.given = at;
+    const matrix m = {pointer.taken, rows, columns};
+    return m;
+}
+
+int qpavoid_set_footprint(qpavoid_filter *filter, const qpavoid_footprint *footprint)
+{
+    int corners = 0, begin = 0, end;
+    if (footprint->n_parts < 1 || footprint->n_parts > QPAVOID_PARTS)
+        return -1;
+    for (int i = 0; i < footprint->n_parts; i++) {
+        if (footprint->n_corners[i] < 3 || footprint->n_corners[i] > QPAVOID_EDGES - corners)
+            return -1;
+        corners += footprint->n_corners[i];
+    }
+    const matrix given = read_only(&footprint->corners[0][0], corners, 2);
+    for (int i = 0; i < footprint->n_parts; i++, begin = end) {
+        end = begin + footprint->n_corners[i];
+        if (!$is_convex)
+            return i + 1;
+    }
+    filter->n_edges = corners;
+    filter->robot[$n_limits - 1] = 0.0;
+    begin = 0;
+    for (int i = 0; i < footprint->n_parts; i++, begin = end) {
+        end = begin + footprint->n_corners[i];
+        const double radius = $fill_edges;
+        if (radius > filter->robot[$n_limits - 1])
+            filter->robot[$n_limits - 1] = radius;
+    }
+    return 0;
 }
 
 /* How many corners the polygons have in all; -1 if that cannot be, or is too many. */
@@ -76,15 +117,6 @@ static int count_corners(const qpavoid_obstacles *obstacles)
         corners += (int)own;
     }
     return corners;
-}
-
-/* Numbers that are only read, for a matrix, which could be written to as well. */
-static matrix read_only(const double *at, int rows, int columns)
-{
-    union { const double *given; double *taken; } pointer;
-    pointer.given = at;
-    const matrix m = {pointer.taken, rows, columns};
-    return m;
 }
 
 qpavoid_status qpavoid_step(qpavoid_filter *filter, double v, double omega,

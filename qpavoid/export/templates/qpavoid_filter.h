@@ -28,6 +28,10 @@ extern "C" {
 #define QPAVOID_POLYGONS $polygons
 #define QPAVOID_CORNERS $corners /* of all polygons together */
 
+/* Convex parts of the footprint, and corners of all parts, at most. */
+#define QPAVOID_PARTS $parts
+#define QPAVOID_EDGES $edges
+
 /* Why the twist is what it is; qpavoid_sentence says it in words. */
 typedef enum {
 $statuses
@@ -60,14 +64,25 @@ typedef struct {
                               points, then discs, walls, polygons */
 } qpavoid_decision;
 
+/* A union of convex polygons, which may overlap or be apart; their corners
+ * counter-clockwise, one polygon after the other: x, y, m. */
+typedef struct {
+    int n_parts;
+    int n_corners[QPAVOID_PARTS];
+    double corners[QPAVOID_EDGES][2];
+} qpavoid_footprint;
+
 /* Memory of a run, and scratch. Its fields are of no concern to the caller. */
 typedef struct {
+    int n_edges;
+    double edges[QPAVOID_EDGES][6];
+    double robot[$n_limits];
     double state[$state];
     double memory[$memory];
     double capsules[$capsules][$capsule_width];
 } qpavoid_filter;
 
-/* Call once, before anything else: the robot stands. */
+/* Call once, before anything else: the robot stands, with the footprint above. */
 void qpavoid_init(qpavoid_filter *filter);
 
 /* Forget what was driven and on which side; the robot now drives (v, omega). */
@@ -77,6 +92,14 @@ void qpavoid_reset(qpavoid_filter *filter, double v, double omega);
  * accelerations count from it. Beyond the limits it counts as the nearest twist within;
  * numbers that are not finite are ignored. */
 void qpavoid_driven(qpavoid_filter *filter, double v, double omega);
+
+/* Change the footprint between two steps; twist and plan are kept. The next step takes the
+ * new one, for the retained plan too. Obstacles that a larger one has inside r_min, or
+ * overlaps with, are reported in the clearance and only left. A robot that grows at rest
+ * never comes nearer to a static obstacle than it is, or than r_min; stop first.
+ * Returns 0; else nothing is changed: -1: no part, one of fewer than three corners, or no
+ * room for so many; i: part i is not finite, strictly convex and counter-clockwise. */
+int qpavoid_set_footprint(qpavoid_filter *filter, const qpavoid_footprint *footprint);
 
 /* Decide what to drive for the next QPAVOID_DT seconds.
  *

@@ -9,12 +9,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Edges of the footprint: start (m), outward unit normal, length (m), and the row after
- * the last edge of its convex part. */
-static const double edges[$n_edges][6] = {
-$edges
-};
-
 /* Of each beam: direction in the sensor frame; share of the motion during a scan; time
  * after that of the scan, s. */
 static const double beams[QPAVOID_BEAMS][$beam_width] = {
@@ -44,8 +38,9 @@ void qpavoid_perception_init(qpavoid_perception *p)
     p->stamp = p->time = -INFINITY;
 }
 
-int qpavoid_perceive(qpavoid_perception *p, const double ranges[QPAVOID_BEAMS],
-                     double stamp, const double pose[3], const double twist[2])
+int qpavoid_perceive(qpavoid_perception *p, const qpavoid_filter *filter,
+                     const double ranges[QPAVOID_BEAMS], double stamp,
+                     const double pose[3], const double twist[2])
 {
     const double middle = stamp - QPAVOID_DELAY + 0.5 * QPAVOID_SWEEP;
     if (!is_pose(stamp, pose) || !isfinite(twist[0]) || !isfinite(twist[1]))
@@ -72,6 +67,7 @@ int qpavoid_perceive(qpavoid_perception *p, const double ranges[QPAVOID_BEAMS],
         p->rows[k * $ray] = echo || r == INFINITY ? r : NAN;
     }
     p->time = middle;
+    const double depth = -$nearest_edge.distance, inner = depth > 0.0 ? depth : 0.0;
     $taken;
     p->stamp = stamp;
     memcpy(p->last, pose, sizeof p->last);
@@ -91,8 +87,8 @@ static double reach_of(const double *rows, int n, int width, int most)
     return reach;
 }
 
-int qpavoid_perceived(qpavoid_perception *p, double time, const double pose[3],
-                      qpavoid_obstacles *obstacles)
+int qpavoid_perceived(qpavoid_perception *p, const qpavoid_filter *filter, double time,
+                      const double pose[3], qpavoid_obstacles *obstacles)
 {
     if (!is_pose(time, pose))
         return -1;

@@ -40,22 +40,24 @@ void qpavoid_perception_init(qpavoid_perception *perception);
 
 /* Take a scan.
  *
+ * filter: its footprint may be changed at any time; what is known is kept.
  * ranges: m; INFINITY: no echo; NAN, 0 and what is beyond the limits: unknown.
  * stamp, pose, twist: time, s; pose and v, omega of the robot then.
  * Returns 0; or -1, and nothing is changed: a number is not finite, the pose is too far
  * from its origin, or time runs backwards. The stamp of the last scan again changes
  * nothing. After a pose that jumped the map begins anew. */
-int qpavoid_perceive(qpavoid_perception *perception, const double ranges[QPAVOID_BEAMS],
-                     double stamp, const double pose[3], const double twist[2]);
+int qpavoid_perceive(qpavoid_perception *perception, const qpavoid_filter *filter,
+                     const double ranges[QPAVOID_BEAMS], double stamp,
+                     const double pose[3], const double twist[2]);
 
 /* Write the points and discs known at a time (s) and pose into the obstacles; their
- * other fields are left as they are.
+ * other fields are left as they are. Points in the filter's footprint are left out.
  *
  * Moving obstacles are predicted to the time. Returns how many points and discs are left
  * out because there is no room for them: those farthest away; or -1: a number is not
  * finite, and nothing is written. */
-int qpavoid_perceived(qpavoid_perception *perception, double time, const double pose[3],
-                      qpavoid_obstacles *obstacles);
+int qpavoid_perceived(qpavoid_perception *perception, const qpavoid_filter *filter,
+                      double time, const double pose[3], qpavoid_obstacles *obstacles);
 
 #ifdef __cplusplus
 }
