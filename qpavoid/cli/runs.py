@@ -184,12 +184,10 @@ def export_c(options: Namespace) -> None:
     from qpavoid.export.write import Capacity, export_c
     from qpavoid.lab.scenario.scenario import load_scenario
 
-    polygons = options.polygons, 8 * options.polygons
-    sizes = options.beams, options.parts, options.edges
-    numbers = options.obstacles, options.points, options.walls, *polygons, *sizes
-    named = "--obstacles, --points, --walls, --polygons, --beams, --parts, --edges"
-    with told_by(named, InvalidInputError):
-        capacity = Capacity(*numbers)
+    given = options.obstacles, options.points, options.walls, options.polygons
+    most = options.beams, options.edges // 3, options.edges
+    with told_by("--obstacles, --points, … or --edges", InvalidInputError):
+        capacity = Capacity(*given, 8 * options.polygons, *most)
     presets, settings = _presets(), AvoidanceSettings()
     robot, lidar, bodies = presets.get(options.robot), None, None
     if robot is None:

@@ -50,10 +50,8 @@ def perception_texts(
     known, device = Perception(robot, lidar, settings), Device(lidar, beams)
     kept = {name: table.shape for name, table in known.memory._asdict().items()}
     kept |= {"rows": (beams * RAY_SIZE,), "counts": (2,)}
-    made = {
-        "points": (beams + SIDE * SIDE, 2),
-        "capsules": (MOST_TRACKS, CAPSULE_WIDTH),
-    }
+    bodies, points = (MOST_TRACKS, CAPSULE_WIDTH), (beams + SIDE * SIDE, 2)
+    made = {"points": points, "capsules": bodies}
     arrays = {name: stored(name, shape) for name, shape in (kept | made).items()}
     unit = Translation()
     call, packed = unit.call, unit.structs.packed

@@ -184,16 +184,7 @@ def test_nothing_is_needed_beyond_libm(filters, name, tmp_path):
 
 def test_the_example_and_the_command_line(tmp_path, capsys):
     folder = tmp_path / "filter"
-    known = [
-        "--robot",
-        "demo/crowd",
-        "--obstacles",
-        "3",
-        "--parts",
-        "2",
-        "--edges",
-        "9",
-    ]
+    known = ["--robot", "demo/crowd", "--obstacles", "3", "--edges=9"]
     assert main(["export-c", *known, str(folder)]) == 0
     names = ["qpavoid_filter.h", "qpavoid_filter.c", "main.c"]
     assert capsys.readouterr().out.split() == [str(folder / name) for name in names]
@@ -202,6 +193,6 @@ def test_the_example_and_the_command_line(tmp_path, capsys):
     done = subprocess.run(["./main"], cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0 and "0.20 m from the goal" in done.stdout
     header = (folder / names[0]).read_text()
-    assert re.findall(r"#define QPAVOID_(?:PARTS|EDGES) (\d+)", header) == ["2", "9"]
+    assert re.findall(r"#define QPAVOID_(?:PARTS|EDGES) (\d+)", header) == ["3", "9"]
     assert main(["export-c", "--robot", "mir10", str(folder)]) == 2
     assert main(["export-c", "--obstacles", "0", str(folder)]) == 2
