@@ -1,12 +1,10 @@
 """Output of commands: tables for people, or JSON for programs."""
 
 import json
-import math
 import signal
 from argparse import Namespace
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -53,20 +51,9 @@ def give(options: Namespace, data: Any, show: Callable[[], None]) -> None:
     if not options.json:
         show()
         return
-    print(json.dumps(_plain(data), indent=1, ensure_ascii=False, allow_nan=False))
+    from qpavoid.lab.study.tables import plain
 
-
-def _plain(value: Any) -> Any:
-    """Return what JSON can say: of numbers that are not finite it is null."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(value[key]) for key in value}
-    if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return str(value) if isinstance(value, Path) else value
+    print(json.dumps(plain(data), indent=1, ensure_ascii=False, allow_nan=False))
 
 
 def show_table(heads: Sequence[str], lines: Iterable[Sequence[object]]) -> None:
@@ -114,24 +101,6 @@ def progress(
         yield show
     finally:
         bar.stop()
-
-
-@contextmanager
-def waiting(quiet: bool = False) -> Iterator[Callable[[str], None]]:
-    """Print on stderr what is being done; on a terminal with a sign of life."""
-    from rich.console import Console
-
-    console = Console(stderr=True, quiet=quiet)
-    alive = console.status("…")
-
-    def say(step: str) -> None:
-        console.print(step, soft_wrap=True)
-        alive.start()
-
-    try:
-        yield say
-    finally:
-        alive.stop()
 
 
 @contextmanager

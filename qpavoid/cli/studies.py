@@ -4,7 +4,7 @@ import sys
 import webbrowser
 from argparse import ArgumentTypeError, Namespace
 
-from qpavoid.cli.output import give, progress, told_by, waiting
+from qpavoid.cli.output import give, progress, told_by
 from qpavoid.cli.runs import names_in
 from qpavoid.errors import ConfigError
 
@@ -59,13 +59,17 @@ def report(options: Namespace) -> None:
 
 def play(options: Namespace) -> None:
     """Write one HTML page where robots drive live, and open it in a browser."""
-    from qpavoid.lab.play.page import play_page, write_page
+    from qpavoid.lab.play.page import play_page
     from qpavoid.lab.play.program import program
 
+    def say(step: str) -> None:
+        if not options.quiet:
+            print(step, file=sys.stderr)
+
     methods, page = options.controllers.split(","), options.out
-    with waiting(options.quiet) as say:
-        text = play_page(program(say), options.config, methods, options.data)
-    write_page(page, text)
+    text = play_page(program(say), options.config, methods, options.data)
+    page.parent.mkdir(parents=True, exist_ok=True)
+    page.write_text(text, encoding="utf-8")
     print(page)
     if not options.no_open:
         webbrowser.open(page.resolve().as_uri())

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 from html import escape
 from importlib.resources import files
 from itertools import zip_longest
-from pathlib import Path
 from string import Template
 from typing import Any, get_args, get_type_hints
 
@@ -24,7 +23,7 @@ from qpavoid.avoidance.settings import (
     AvoidanceSettings,
 )
 from qpavoid.avoidance.step import PROBLEM_SIZE
-from qpavoid.errors import ConfigError, DataError, UnknownNameError
+from qpavoid.errors import ConfigError, UnknownNameError
 from qpavoid.guide.geodesic import CELL
 from qpavoid.guide.rollout import ROWS, TICK
 from qpavoid.guide.room import OUTLINE_SPACING, outline
@@ -38,6 +37,7 @@ from qpavoid.lab.scenario.methods import OURS, REGISTRY
 from qpavoid.lab.scenario.scenario import Scenario, make_scenario
 from qpavoid.lab.scenario.schema import Preset
 from qpavoid.lab.sensing.lidar import LidarSettings
+from qpavoid.lab.study.tables import plain
 from qpavoid.model.capsules import TURN, V_X, X1, Y1
 from qpavoid.model.contacts import CONTACT_SIZE
 from qpavoid.model.robot import Limits, Robot
@@ -133,19 +133,6 @@ OWN = (
 )
 
 
-def write_page(file: Path, text: str) -> None:
-    """Write a page.
-
-    Raises:
-        DataError: The file cannot be written.
-    """
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise DataError(f"{file} cannot be written ({error.strerror})") from None
-
-
 def play_page(
     program: Program, config: str, methods: Sequence[str], data: str | None = None
 ) -> str:
@@ -211,18 +198,8 @@ def part(name: str) -> str:
 
 def as_json(data: Any) -> str:
     """Return JSON that no HTML can hide in, NaN and infinities as ``null``."""
-    text = json.dumps(_finite(data), ensure_ascii=True, allow_nan=False)
+    text = json.dumps(plain(data), ensure_ascii=True, allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
-
-
-def _finite(data: Any) -> Any:
-    if isinstance(data, dict):
-        return {str(key): _finite(value) for key, value in data.items()}
-    if isinstance(data, list | tuple):
-        return [_finite(value) for value in data]
-    if isinstance(data, float) and not abs(data) < float("inf"):
-        return None
-    return data
 
 
 def packed(array: Array) -> str:

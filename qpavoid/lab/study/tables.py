@@ -1,6 +1,7 @@
-"""Tables of all studies: as CSV, and as Markdown."""
+"""Results of all studies: as CSV, as Markdown, and as JSON."""
 
 import csv
+import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -25,3 +26,16 @@ def markdown_table(
     """Return a table; the columns of the heads in ``right`` are numbers."""
     rows = [heads, ["---:" if head in right else "---" for head in heads], *lines]
     return "".join(f"| {' | '.join(map(str, row))} |\n" for row in rows)
+
+
+def plain(value: Any) -> Any:
+    """Return what JSON can say: of numbers that are not finite it is null."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(value[key]) for key in value}
+    if isinstance(value, list | tuple):
+        return [plain(one) for one in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return str(value) if isinstance(value, Path) else value

@@ -23,7 +23,6 @@ from qpavoid.lab.play.page import (
     as_json,
     play_page,
     scene,
-    write_page,
 )
 from qpavoid.lab.play.program import Program, program
 from qpavoid.lab.scenario.scenario import load_scenario, make_scenario
@@ -110,7 +109,7 @@ def config(tmp_path):
 def played(browser, config, tmp_path, start="#paused", **how):
     """The page of a scenario; it says no errors and asks for nothing."""
     page = tmp_path / "play.html"
-    write_page(page, play_page(program(), str(config), ["qp", "qp-ahead"]))
+    page.write_text(play_page(program(), str(config), ["qp", "qp-ahead"]))
     with opened(browser, page.as_uri() + start, **how) as found:
         until(found, "play.frames() > 0")
         yield found
