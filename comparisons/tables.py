@@ -26,6 +26,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from scipy import stats
 
+from qpavoid.lab.study.tables import markdown_table
 from qpavoid.types import Array
 from rows import (
     FLEETS,
@@ -254,8 +255,7 @@ def cells(found: Compared, name: str) -> list[str]:
 
 def written(heads: Sequence[str], lines: Iterable[Sequence[str]], words: int) -> str:
     """Return a table in Markdown, its first columns words, the others numbers."""
-    rule = ["---"] * words + ["---:"] * (len(heads) - words)
-    return "\n".join(f"| {' | '.join(line)} |" for line in (heads, rule, *lines))
+    return markdown_table(heads, lines, heads[words:]).rstrip("\n")
 
 
 def study_table(name: str, every: bool = False) -> str:

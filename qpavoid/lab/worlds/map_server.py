@@ -3,7 +3,7 @@
 A pixel of brightness b from 0 to 1 is occupied with p = 1 − b (``negate: 1``: p = b):
 occupied above ``occupied_thresh``, free below ``free_thresh``, else unknown. The first
 row of the image is the map's top. In the mode scale, too, values between the
-thresholds are unknown; pixels of raw are percent, unknown above 100.
+thresholds are unknown; the mode raw is not read.
 """
 
 import hashlib
@@ -41,7 +41,7 @@ class MapFile(BaseModel):
     occupied_thresh: Annotated[Number, Field(le=1.0)]
     free_thresh: Annotated[Number, Field(ge=0.0)]
     negate: bool
-    mode: Literal["trinary", "scale", "raw"] = "trinary"
+    mode: Literal["trinary", "scale"] = "trinary"
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,9 +131,6 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
         raise DataError(f"{path}: free_thresh <= occupied_thresh does not hold")
     brightness = read_image(below(folder / file.image, folder))[::-1]
     p = brightness if file.negate else 1.0 - brightness
-    if file.mode == "raw":
-        p = 2.55 * brightness
-        p = np.where(p <= 1.0 + 1e-9, p, 0.5 * (free + occupied))
     cells = [np.ascontiguousarray(part) for part in (p > occupied, p < free)]
     return GridMap(cells[0], cells[1], file.resolution, file.origin)
 

@@ -76,27 +76,25 @@ def test_all_kinds_of_pgm_give_the_same(tmp_path, image):
 
 
 def test_modes_of_a_map(tmp_path):
-    """50 of 255 is dark, so occupied; as percent it is neither."""
+    """50 of 255 is dark, so occupied."""
     (tmp_path / "m.pgm").write_bytes(b"P2 4 1 255\n0 50 100 255\n")
     text = "image: m.pgm\nresolution: 1\norigin: [0, 0, 0]\nnegate: 0\n"
     text += "occupied_thresh: 0.65\nfree_thresh: 0.2\n"
     found = {}
-    for mode in ("trinary", "scale", "raw"):
+    for mode in ("trinary", "scale"):
         (tmp_path / "m.yaml").write_text(f"{text}mode: {mode}\n")
         chart = map_server.read_map(tmp_path / "m.yaml")
         found[mode] = chart.occupied.tolist(), chart.free.tolist()
     free = [False, False, False, True]
     assert found["trinary"] == found["scale"] == ([[True, True, False, False]], [free])
-    assert found["raw"] == ([[False, False, True, False]], [[True] + [False] * 3])
 
 
-@pytest.mark.parametrize("mode", ["trinary", "raw"])
 @pytest.mark.parametrize("negate", [0, 1])
-def test_a_map_is_the_same_as_png_and_pgm(tmp_path, mode, negate):
+def test_a_map_is_the_same_as_png_and_pgm(tmp_path, negate):
     """matplotlib reads PNG as float32: a threshold was met by pixels below it."""
     image = pytest.importorskip("PIL.Image")
     every = np.arange(256, dtype=np.uint8).reshape(16, 16)
-    text = f"resolution: 1\norigin: [0, 0, 0]\nnegate: {negate}\nmode: {mode}\n"
+    text = f"resolution: 1\norigin: [0, 0, 0]\nnegate: {negate}\n"
     found = []
     for name in ("m.pgm", "m.png"):
         image.fromarray(every).save(tmp_path / name)
@@ -131,7 +129,7 @@ def test_images_that_cannot_be_read(tmp_path):
         ("map.pgm", "[map.pgm]", "image: Input should be a valid string"),
         ("map.pgm", "../map.pgm", "leads out of .*--trust-paths"),
         (YAML, "0.65", "keys: Input should be"),
-        ("negate: 0", "negate: 0\nmode: binary", "mode: Input should be .trinary"),
+        ("negate: 0", "negate: 0\nmode: raw", "mode: Input should be .trinary"),
         ("0.65", "much", "occupied_thresh: Input should be a valid number"),
         ("0.65", "0.1", "free_thresh <= occupied_thresh does not"),
         ("0.5", "-0.5", "resolution: Input should be greater than 0"),
