@@ -114,10 +114,12 @@ class Tables(NamedTuple):
     Attributes:
         predicted: (:func:`most_predicted`,) of :class:`Predicted`.
         frames: (ticks + 1,) predicted robot frames.
+        closer: Bodies of :func:`qpavoid.avoidance.selection.at_min_clearance`.
     """
 
     predicted: Table
     frames: Table
+    closer: Table
 
 
 @entry

@@ -10,7 +10,8 @@ The first clear one of:
 
 Else, and without a proposal, the one with the largest margin, first of static bodies,
 then of moving ones, among: braking along the arc, the rest of the last plan, and among
-moving obstacles the best plan of two twists.
+moving obstacles the best plan of two twists. If a moving obstacle would touch the robot
+then, static ones need only the minimum clearance instead of r_min.
 """
 
 import math
@@ -67,7 +68,7 @@ from qpavoid.avoidance.verdict import (
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.types import Box, Pair, Row
 
-SWITCHES = (1.1, 0.5, 0.2)
+SWITCHES = (1.1, 0.5, 0.2, 0.1)
 """s; times of the switch to the second twist, in whole control steps."""
 
 PLENTY = 0.01
@@ -340,6 +341,41 @@ def select_now(scene: Scene, query: Query, kept: Row) -> Choice:
 
 @compiled_once
 def fallback(scene: Scene, query: Query, kept: Row, owner: int) -> Choice:
+    """Return the choice with the largest margin, see :func:`widest`.
+
+    If a moving body would touch the robot, the choice at the minimum clearance of
+    static bodies, if its margin is larger.
+    """
+    choice, s = widest(scene, query, kept, owner), scene.settings[0]
+    if not query.ahead or choice.margins.moving >= -s.r_min_slow:
+        return choice
+    other = widest(at_min_clearance(scene, query), query, kept, owner)
+    if other.margins.moving <= choice.margins.moving + ALIKE:
+        return choice
+    plan, mode, until, _, none, _ = other
+    return Choice(plan, mode, until, margins(scene, plan), none, owner)
+
+
+@compiled_once
+def at_min_clearance(scene: Scene, query: Query) -> Scene:
+    """Return the scene with the minimum clearance instead of r_min of static bodies."""
+    e, r, s, bodies, last, pending, arcs, groups, longest, drift, clearance = scene
+    count, closer = bodies.shape[0], query.tables.closer
+    for i in range(count):
+        closer[i] = bodies[i]
+        one = closer[i]
+        excess = one.required - one.beyond_r_min - s[0].min_clearance
+        if excess > 0.0 and not moves(scene, i):
+            one.required, one.spread = one.required - excess, one.spread - excess
+            one.margin_now += excess
+    # fmt: off
+    return Scene(e, r, s, closer[:count], last, pending, arcs, groups, longest, drift,
+                 clearance)
+    # fmt: on
+
+
+@compiled_once
+def widest(scene: Scene, query: Query, kept: Row, owner: int) -> Choice:
     """Return the choice of a plan of two twists, of the last plan, or of braking."""
     none, least = unsolved(query.desired, WHOLE, False), margins(scene, BRAKING_PLAN)
     choice = Choice(BRAKING_PLAN, BRAKED, kept.until, least, none, owner)

@@ -236,6 +236,8 @@ class LookAhead:
             to the radius.
         hysteresis: Relative cost by which another passing side must be cheaper.
         review: Period of the search for another passing side, s.
+        min_clearance: Least clearance of static obstacles, m, instead of r_min, where a
+            moving one would touch the robot otherwise. ``inf``: r_min is always kept.
     """
 
     horizon: Annotated[float, "s", POSITIVE] = 3.0
@@ -243,6 +245,7 @@ class LookAhead:
     tick: Annotated[float, "s", POSITIVE] = 0.05
     hysteresis: Annotated[float, Range(ge=0.0, lt=1.0)] = 0.4
     review: Annotated[float, "s", NOT_NEGATIVE] = 0.4
+    min_clearance: Annotated[float, "m", Range(ge=0.01)] = 0.02
 
     ORDERED: ClassVar = (
         ("tick", "<=", "horizon"),

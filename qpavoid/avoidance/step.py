@@ -175,7 +175,7 @@ def memory_size(contacts: int, settings: FilterSettings) -> int:
     # limits of the solver. A float: an int of C could overflow.
     predicted, many = most_predicted(look_ticks(settings)), float(contacts)
     rows = many + predicted + 8
-    tables = (many + contacts // FEW) * BODY_SIZE
+    tables = (2.0 * many + contacts // FEW) * BODY_SIZE
     tables += most_arcs(settings) * ARC_SIZE + predicted * PREDICTED_SIZE
     tables += (look_ticks(settings) + 1) * FRAME_SIZE
     each = CONTACT_SIZE + 2 + CAPSULE_WIDTH
@@ -196,8 +196,10 @@ def workspace_in(
     g = f + predicted * PREDICTED_SIZE
     h = g + 2 * contacts
     i = h + CAPSULE_WIDTH * contacts
-    end = i + (look_ticks(settings) + 1) * FRAME_SIZE
-    tables = Tables(memory[f:g].view(PREDICTED), memory[i:end].view(FRAME))
+    j = i + contacts * BODY_SIZE
+    end = j + (look_ticks(settings) + 1) * FRAME_SIZE
+    frames, closer = memory[j:end].view(FRAME), memory[i:j].view(BODY)
+    tables = Tables(memory[f:g].view(PREDICTED), frames, closer)
     return Workspace(
         memory[:a],
         memory[a:b].reshape(contacts + predicted + 8, ROW_WIDTH),

@@ -30,8 +30,9 @@ no step exceeds the accelerations, have all the same curvature; the robot stays 
 arc of u and comes to rest at the place that u reaches in
 dt + dt·Σ_{k=1}^{n−1} (1 − k/n) = dt·(n + 1)/2; and what remains of that after a step is
 braking from u·(1 − 1/n). The theorem does not depend on how a plan was found. It also
-holds among moving obstacles, but with ``passive``: a robot about to be hit may brake
-although that comes nearer to static obstacles.
+holds among moving obstacles, with the minimum clearance, if that is less, in the place
+of r_min (:func:`qpavoid.avoidance.selection.fallback`). But not with ``passive``: a
+robot about to be hit may brake although that comes nearer to static obstacles.
 
 **Theorem 2, moving obstacles.** In addition let, from a time t_0 on at which a plan was
 clear, every obstacle keep its velocity of t_0, or stay within its inflation of that

@@ -155,7 +155,7 @@ def test_no_answer_depends_on_groups(robot, seed):
         ticks = look_ticks(SETTINGS.record())
         sides = np.zeros(lin.most_predicted(ticks), lin.PREDICTED)
         frames = np.zeros(ticks + 1, lin.FRAME)
-        lin.predict_contacts(one, rollout, lin.Tables(sides, frames))
+        lin.predict_contacts(one, rollout, lin.Tables(sides, frames, scene.bodies))
         tables.append(sides)
     np.testing.assert_array_equal(*tables)
 

@@ -1,5 +1,5 @@
-"""Theorem 2 of qpavoid.avoidance.judge: a way that was found is kept, and stays one;
-and ``closest``: r_min of what stands gives way where what moves would touch else."""
+"""Theorem 2 of qpavoid.avoidance.verdict: a clear plan is kept, and remains clear; and
+the minimum clearance of static obstacles where a moving one would touch the robot."""
 
 import math
 
@@ -10,7 +10,9 @@ from driven import least_on_way
 from problems import ROBOTS, Scene, loop
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
+from qpavoid.avoidance.settings import AvoidanceSettings, LookAhead, SafetyRadius
+from qpavoid.model.contacts import clearance_of
+from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
 
@@ -108,17 +110,61 @@ def test_small_radii_too(robot, r_min):
                 assert first >= min(k + until, len(spare))
 
 
-@pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
-def test_static_obstacles_keep_r_min_among_moving_ones(robot):
+R_MIN = 0.17
+
+
+def at_least(clearance):
+    return AvoidanceSettings(dt=DT, ahead=LookAhead(min_clearance=clearance))
+
+
+def overtaken(clearance, speed, side):
+    """Parked in a corridor, somebody walks by: least distances, of walls; decisions."""
+    walls = np.array([[-4.0, y, 8.0, y] for y in (-0.8, 0.8)])
+    safety, pose = SafetyFilter(Robot.mir100(), at_least(clearance)), (0.0, 0.0, 0.0)
+    decisions, from_walls = [], []
+    for k in range(140):
+        disc = (speed * k * DT - 1.8, 0.2 * side, 0.2)
+        world = Obstacles(discs=[disc], disc_velocities=[(speed, 0.0)], walls=walls)
+        decisions.append(safety.filter(0.0, 0.0, world.seen_from(pose)))
+        seen = Obstacles(walls=walls).seen_from(pose)
+        from_walls.append(clearance_of(safety.robot.footprint, seen.arrays))
+        pose = arc(*pose, *decisions[-1][:2], DT)
+    return min(d.clearance for d in decisions), min(from_walls), decisions
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize("speed", [1.2, 1.35])
+def test_static_r_min_is_lowered_rather_than_touched_by_a_moving_one(speed, side):
+    least, wall, decisions = overtaken(0.02, speed, side)
+    assert least > 0.0
+    assert 0.02 - EPSILON < wall < R_MIN - EPSILON
+    missed = max(d.shortfall for d in decisions if d.status is Status.RELAXED)
+    assert missed >= R_MIN - wall - EPSILON
+
+
+@pytest.mark.parametrize("speed", [1.2, 1.35])
+def test_static_r_min_is_not_lowered_where_that_is_forbidden(speed):
+    least, wall, _ = overtaken(math.inf, speed, 1)
+    assert least < 0.0 and wall >= R_MIN - EPSILON
+
+
+@pytest.mark.parametrize("clearance", [0.02, 0.08, math.inf])
+@robots
+def test_static_obstacles_keep_the_minimum_among_moving_ones(robot, clearance):
+    """r_min, or the minimum clearance if that is less, for any commands."""
+    lowered, kept = 0, min(clearance, R_MIN)
     for i in range(12):
         rng = np.random.default_rng([9, i])
         scene = Scene(rng, least=0.25, movers=int(rng.integers(1, 4)))
-        wishes = np.repeat(rng.uniform([-1, -1.5], [1, 1.5], (4, 2)), 20, axis=0)
-        safety = SafetyFilter(robot, AvoidanceSettings(dt=DT))
-        _, trace, _ = loop(safety, scene, wishes, DT, lambda v, omega, seen: None)
+        commands = np.repeat(rng.uniform([-1, -1.5], [1, 1.5], (4, 2)), 20, axis=0)
+        safety = SafetyFilter(robot, at_least(clearance))
+        _, trace, _ = loop(safety, scene, commands, DT, lambda v, omega, seen: None)
         least = least_on_way(robot.footprint.vertices, trace, DT, scene.lines)
         still = np.hypot(*scene.lines[:, 5:7].T) == 0.0
-        assert least[:, still].min(initial=math.inf) >= 0.17 - EPSILON
+        from_static = least[:, still].min(initial=math.inf)
+        assert from_static >= kept - EPSILON
+        lowered += from_static < R_MIN - EPSILON
+    assert clearance < math.inf or lowered == 0
 
 
 def test_a_fast_disc_that_samples_of_a_plan_miss():

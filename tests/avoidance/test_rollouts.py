@@ -8,6 +8,7 @@ from hypothesis import given
 
 from driven import driven_to, gap_at
 from qpavoid.avoidance import proposals as lin
+from qpavoid.avoidance.bodies import BODY
 from qpavoid.avoidance.plan import hold
 from qpavoid.avoidance.proposals import Tables, fill_slopes, slopes_at
 from qpavoid.avoidance.step import look_ticks
@@ -136,7 +137,8 @@ MANY = max(1, round(SETTINGS.ahead.tick / SETTINGS.dt))
 def tables():
     ticks = look_ticks(SETTINGS.record())
     sides = lin.most_predicted(ticks)
-    tables = Tables(np.zeros(sides, lin.PREDICTED), np.zeros(ticks + 1, lin.FRAME))
+    frames, none = np.zeros(ticks + 1, lin.FRAME), np.zeros(0, BODY)
+    tables = Tables(np.zeros(sides, lin.PREDICTED), frames, none)
     return tables, np.full((sides + 8, 9), np.nan)
 
 

@@ -115,7 +115,7 @@ def test_the_record_carries_every_setting():
         reach=0.9,
         slack_tolerance=0.01,
         margins=Margins(0.02, 0.03),
-        ahead=LookAhead(2.5, 1.25, 0.04, 0.15, 0.35),
+        ahead=LookAhead(2.5, 1.25, 0.04, 0.15, 0.35, 0.05),
         actuation=Actuation(0.06, 0.07, True),
         dt=0.05,
         braking_room=False,
@@ -128,7 +128,7 @@ def test_the_record_carries_every_setting():
         **{"error": 0.02, "obstacle_acceleration": 0.03, "dt": 0.05},
         **{"weight_v": 1.1, "weight_omega": 1.2},
         **{"horizon": 2.5, "horizon_still": 1.25, "tick": 0.04},
-        **{"hysteresis": 0.15, "review": 0.35},
+        **{"hysteresis": 0.15, "review": 0.35, "min_clearance": 0.05},
         **{"delay": 0.06, "jitter": 0.07, "ramps": 1},
         **{"braking_room": 0, "passive": 0, "activation": 2, "bound": 1},
     }
