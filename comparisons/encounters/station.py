@@ -6,7 +6,7 @@ walks straight up to it, stands beside it for 6 s, and turns back. One carries a
 one pushes a cart; neither takes notice of the robot. All methods see perception's
 obstacles of a LiDAR all round at 10 Hz; ``points`` has its points alone.
 
-Run: python comparisons/encounters/station.py [--visits 30] [--film film.gif]
+Run: python comparisons/encounters/station.py [--visits 30]
 """
 
 import argparse
@@ -19,9 +19,6 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-from matplotlib.animation import FuncAnimation, PillowWriter
-from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Polygon
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "perception"))
@@ -69,9 +66,6 @@ STAYS, REACTS, RETURN, LATE = 6.0, 15.0, 10.0, 75.0
 
 AWAY = 0.02, math.radians(2.0)
 """m and rad from which on the robot is away from its station."""
-
-FILM = ("impassive", 5, 0.0), ("beside", 2, 7.0), ("cart", 0, 19.0)
-"""Visits of the film: kind, seed, and s by which somebody is later."""
 
 OUT = Path(__file__).parents[1] / "results/station.csv"
 Row: TypeAlias = dict[str, Any]
@@ -303,35 +297,6 @@ def table(rows: Sequence[Row], key: str) -> list[str]:
     return lines
 
 
-def film(visitors: Sequence[Visitor], path: Path, seed: int) -> None:
-    """Draw a scene of ours as a film, at twice its speed."""
-    poses, shown, _ = drive(visitors, "ours", seed)
-    figure = Figure(figsize=(4.8, 3.6), dpi=80)
-    figure.subplots_adjust(0.02, 0.02, 0.98, 0.92)
-    axes = figure.add_subplot(xlim=(-3.2, 3.2), ylim=(-1.6, 2.8), aspect="equal")
-    axes.set(xticks=[], yticks=[], title="Parked: it lets people pass, and returns")
-    axes.fill(*np.reshape(box_walls(*BENCH), (4, 4))[:, :2].T, color="0.6")
-    (robot,) = axes.fill(*ROBOT.footprint.vertices.T, color="tab:blue")
-    axes.fill(*ROBOT.footprint.vertices.T, fill=False, linestyle=":", edgecolor="0.5")
-    people: list[Any] = [axes.add_patch(Circle(x[:2], RADIUS)) for x, _ in shown[0]]
-    loads: list[Any] = [axes.add_patch(Polygon(x)) for _, y in shown[0] for x in y]
-    for patch in (*people, *loads):
-        patch.set_color("tab:orange" if patch in people else "tab:brown")
-
-    def show(k: int) -> list[Any]:
-        robot.set_xy(to_world(ROBOT.footprint.vertices, poses[k]))
-        for patch, (disc, _) in zip(people, shown[k], strict=True):
-            patch.set_center(disc[:2])
-        for load, shape in zip(loads, (x for _, y in shown[k] for x in y), strict=True):
-            load.set_xy(shape)
-        return [robot, *people, *loads]
-
-    near = [any(abs(x[0]) < 3.6 and abs(x[1]) < 3.2 for x, _ in y) for y in shown]
-    busy = np.flatnonzero(near)
-    frames = range(busy[0], min(busy[-1] + 100, len(poses)), 4)
-    FuncAnimation(figure, show, frames).save(path, PillowWriter(fps=10))
-
-
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--visits", type=int, default=30, help="of each kind")
@@ -339,11 +304,7 @@ if __name__ == "__main__":
     parser.add_argument("--methods", nargs="*", default=METHODS)
     parser.add_argument("--kinds", nargs="*", default=KINDS)
     parser.add_argument("--out", type=Path, default=OUT)
-    parser.add_argument("--film", type=Path)
     options = parser.parse_args()
-    if options.film:
-        film([Visitor(x, k, d) for x, k, d in FILM], options.film, 0)
-    else:
-        found = study(options)
-        write_csv(options.out, found)
-        print(*table(found, "method"), sep="\n")
+    found = study(options)
+    write_csv(options.out, found)
+    print(*table(found, "method"), sep="\n")

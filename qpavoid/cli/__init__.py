@@ -52,9 +52,9 @@ JSON = option("--json", "print JSON, for programs")
 ODOMETRY = option("--odometry-topic T", "Odometry or PoseStamped of the robot", "")
 BAG = option("BAG", "rosbag2 folder, .mcap, .db3 or .bag", type=Path)
 FIGURES = option("--figures KIND", "png, svg or pdf", "png", choices=runs.FORMATS)
+FILM = option("--film", "draw the runs as a film (GIF), too")
 QUIET = option("--quiet", "print errors alone, and what --json asks for")
 LAWS = "eq5,eq7,qp,qp-repulsion,qp-ahead,qp-ahead+guide"
-
 PLAYED = "eq5,qp-ahead,qp-ahead+guide"
 
 COMMANDS: dict[str, tuple[Any, ...]] = {
@@ -66,12 +66,12 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
             nargs="*",
         ),
         option("--controllers A,B,…", "see list controllers", LAWS),
-        *(BACKEND, OUT, FIGURES, DATA, TRUST, JSON),
+        *(BACKEND, OUT, FIGURES, FILM, DATA, TRUST, JSON),
     ),
     "run": (
         runs.run,
         *(CONFIG, option(*ONE, "qp-ahead+guide", type=runs.one_name)),
-        *(BACKEND, OUT, FIGURES, DATA, TRUST, JSON),
+        *(BACKEND, OUT, FIGURES, FILM, DATA, TRUST, JSON),
     ),
     "list": (
         runs.show_names,

@@ -73,7 +73,7 @@ def _simulate(configs: Sequence[str], names: Sequence[str], options: Namespace) 
         same = [log for log in logs if log.meta["scenario"] == scenario.name]
         if not options.json:
             console.print(table(scenario, summary))
-        save_figures(same, options.out, options.figures)
+        save_figures(same, options.out, options.figures, options.film)
     where = f"Figures, tables and logs are in {options.out}"
     give(options, summary, lambda: console.print(where, soft_wrap=True))
 

@@ -12,8 +12,10 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from PIL import Image
 
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.metrics import metrics, run_name, tally
@@ -33,12 +35,18 @@ DPI = 200
 
 NEAR = {"color": "#E6E6E6", "zorder": 0, "label": "an obstacle is nearer than $r$"}
 
+FILM_STEP, FILM_PAUSE, FILM_DPI, FILM_COLORS = 0.25, 125, 50, 32
+"""Of a film: s of the run, and ms of the film, per frame; dots per inch; colours."""
+
 CROWDED = 20
 """With more obstacles than this the whole path is shown, instead of frames."""
 
 
 def save_figures(
-    logs: Sequence[Log], folder: str | os.PathLike[str], kind: str = "png"
+    logs: Sequence[Log],
+    folder: str | os.PathLike[str],
+    kind: str = "png",
+    film: bool = False,
 ) -> list[Path]:
     """Draw every figure that fits a scenario, save each, return the paths.
 
@@ -51,6 +59,7 @@ def save_figures(
         logs: Runs of one scenario.
         folder: Where they go; it is made.
         kind: ``png``, ``svg`` or ``pdf``.
+        film: Whether to draw a film (GIF), too.
     """
     first, fleets = first_of(logs), fleets_of(logs)
     others = len(first.points) + len(first.walls) + len(first.polygons)
@@ -66,6 +75,9 @@ def save_figures(
         path = Path(folder) / f"{stem}-{draw.__name__}.{kind}"
         draw(logs).savefig(path, dpi=DPI)
         saved.append(path)
+    if film:
+        saved.append(Path(folder) / f"{stem}-film.gif")
+        save_film(logs, saved[-1])
     return saved
 
 
@@ -140,6 +152,30 @@ def paths(logs: Sequence[Log]) -> Figure:
         draw_fleet(axes, fleet, style, box, step, way=True)
     legend(figure)
     return figure
+
+
+def save_film(logs: Sequence[Log], path: str | os.PathLike[str]) -> None:
+    """Draw runs of one scenario as a GIF, one panel a method, at twice the speed."""
+    first, fleets = first_of(logs), fleets_of(logs)
+    looks = styles([fleet[0] for fleet in fleets])
+    box = view_box(logs, surroundings=4.0 * float(np.ptp(first.vertices[:, 0])))
+    figure, panels = plan_panels([style.label for style in looks], box)
+    figure.set_dpi(FILM_DPI)
+    canvas: Any = FigureCanvasAgg(figure)
+    images = []
+    for time in np.arange(0.0, max(log["t_s"][-1] for log in logs), FILM_STEP):
+        for axes, fleet, style in zip(panels, fleets, looks, strict=True):
+            axes.clear()
+            step = int(np.searchsorted(fleet[0]["t_s"], time))
+            draw_fleet(axes, fleet, style, box, step)
+            axes.set(title=f"{style.label}, t = {time:.1f} s", xticks=[], yticks=[])
+        canvas.draw()
+        rgba = np.asarray(canvas.buffer_rgba())
+        images.append(Image.fromarray(rgba).convert("RGB"))
+    palette = images[len(images) // 2].quantize(FILM_COLORS, dither=Image.Dither.NONE)
+    shown = [x.quantize(palette=palette, dither=Image.Dither.NONE) for x in images]
+    more: dict[str, Any] = {"append_images": shown[1:], "duration": FILM_PAUSE}
+    shown[0].save(path, save_all=True, loop=0, **more)
 
 
 def poses(logs: Sequence[Log]) -> Figure:

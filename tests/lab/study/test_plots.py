@@ -8,7 +8,7 @@ from matplotlib import pyplot
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
-from PIL import Image
+from PIL import Image, ImageSequence
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.scenario.scenario import load_scenario
@@ -118,6 +118,15 @@ def test_save_figures_names_and_writes_them(logs, tmp_path):
             assert image.width == 1800
             assert len(image.convert("RGB").getcolors(1 << 24)) > 20
     assert pyplot.get_fignums() == others
+
+
+def test_a_film_shows_the_robot_move(worlds, tmp_path):
+    (log,) = worlds["crowd"]
+    *_, file = plots.save_figures([log], tmp_path, film=True)
+    with Image.open(file) as film:
+        shown = [np.array(x.convert("L")) for x in ImageSequence.Iterator(film)]
+    assert file.name.endswith("-film.gif") and len(shown) > 3
+    assert (np.diff(shown, axis=0) != 0).any(axis=(1, 2)).all()
 
 
 @pytest.mark.parametrize("draw", FIGURES)
