@@ -107,23 +107,6 @@ def bar(folder):
     folder.write_text("not a folder")
 
 
-def test_first_starts_at_the_same_time_share_a_cache(install, tmp_path):
-    for process in [first_start(install, tmp_path / "cache") for _ in range(3)]:
-        finish(process)
-    assert COMPILING not in finish(first_start(install, tmp_path / "cache"))
-
-
-def test_a_read_only_installation_keeps_its_cache_with_the_user(install, tmp_path):
-    for folder in [p for p in (install / "qpavoid").rglob("*") if p.is_dir()]:
-        bar(folder / "__pycache__")
-    bar(install / "qpavoid" / "__pycache__")
-    home = tmp_path / "home"
-    home.mkdir()
-    assert COMPILING in finish(first_start(install, home=home))
-    assert COMPILING not in finish(first_start(install, home=home))
-    assert list(home.rglob("*.nbc"))
-
-
 def test_where_nothing_can_be_written_every_start_compiles(install, tmp_path):
     for folder in [p for p in (install / "qpavoid").rglob("*") if p.is_dir()]:
         bar(folder / "__pycache__")

@@ -85,11 +85,3 @@ def test_a_copy_goes_on_by_itself(solver, copied):
     second = [other.step(0.5, 0.1, [[1.5, 0.2]])[:4] for _ in range(8)]
     assert [x[:3] for x in first] == [x[:3] for x in second]
     assert math.isnan(first[0][3]) and first[-1][2] != "invalid"
-
-
-def test_a_copy_may_be_of_another_thread():
-    safety = SafetyFilter(Robot.mir100())
-    expected = run(1, copy.copy(safety))
-    safety.filter(0.0, 0.0, [])
-    with ThreadPoolExecutor(1) as pool:
-        assert pool.submit(run, 1, copy.copy(safety)).result() == expected

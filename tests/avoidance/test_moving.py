@@ -10,7 +10,7 @@ from driven import least_on_way
 from problems import ROBOTS, Scene, loop
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.settings import AvoidanceSettings, LookAhead, SafetyRadius
+from qpavoid.avoidance.settings import AvoidanceSettings, LookAhead
 from qpavoid.model.contacts import clearance_of
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
@@ -93,21 +93,6 @@ def test_who_had_a_way_has_one(robot):
                     lost += other.shortfall > 0.0
     assert claims > 1500
     assert lost < 1e-3 * claims, f"{lost} of {claims}"
-
-
-@robots
-@pytest.mark.parametrize("r_min", [0.02, 0.001])
-def test_small_radii_too(robot, r_min):
-    settings = AvoidanceSettings(SafetyRadius(r_min, r_min), gamma=10.0, dt=DT)
-    epsilon = min(1e-3, 0.5 * r_min)
-    for i in range(12):
-        decisions, spare, untils = driven(robot, [4, i], settings)
-        below = np.flatnonzero(spare < -epsilon - 1e-6)
-        first = below[0] if len(below) else len(spare)
-        for k in range(first):
-            decision, until = decisions[k], round(untils[k] / DT)
-            if decision.status in CLAIMS and decision.shortfall == decision.slack == 0:
-                assert first >= min(k + until, len(spare))
 
 
 R_MIN = 0.17

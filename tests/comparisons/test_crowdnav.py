@@ -45,18 +45,6 @@ def test_people_are_drawn_as_there(seed, count):
         assert mine == pytest.approx(theirs, abs=1e-12)
 
 
-def test_phases_share_no_case():
-    spans = {
-        name: range(first, first + world.CASES[name])
-        for name, first in world.FIRST_SEED.items()
-    }
-    assert spans["test"] == range(1000, 1500) and spans["val"] == range(100)
-    assert spans["train"].start == 2000
-    assert crowdnav.Crowd("test").meet(3).places == pytest.approx(
-        world.draw_people(1003, 5)[0]
-    )
-
-
 def test_orca_is_as_published():
     """0.43 of 500 cases arrive and 0.57 touch, in 10.86 s; here the first 50.
 
@@ -212,15 +200,6 @@ def test_who_walks_round_a_robot_has_a_delay_and_a_detour(kind):
     assert effect["people_detour_m"] == pytest.approx(length - way, abs=0.06)
     assert effect["people_delay_s"] == pytest.approx(4 - way / people._pace[0], abs=0.1)
     assert min(effect.values()) > 0.01
-
-
-def test_a_crowd_without_a_robot_has_its_usual_paces():
-    people = reacting("orca", 10)
-    people._present = False
-    for _ in range(150):
-        people.decide()
-        people.move()
-    assert [*people.effect().values()] == pytest.approx([15.0, 0.0, 0.0], abs=1e-9)
 
 
 def test_a_reacting_crowd_is_judged_from_step_to_step():

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from oracles import large_answer
-from qpavoid import Robot, SafetyFilter
 from qpavoid.qp.backends import find_back_end
 from timing import solvers, steps
-from timing.recorded import CLEAR, as_problem, record_problems, record_scans
+from timing.recorded import CLEAR, as_problem, record_problems
 from timing.trials import (
     Case,
     Contender,
@@ -121,10 +120,3 @@ def test_a_step_is_that_of_the_filter(name):
         assert row["wrong"] is None and row["worst_error"] is None
     else:
         assert row["wrong"] == row["false_infeasible"] == 0
-
-
-def test_memory_does_not_grow():
-    discs = [steps.discs_of(np.random.default_rng(k)) for k in range(50)]
-    for ahead, cases in ((False, record_scans(10, 100)), (True, discs)):
-        row = steps.endure(SafetyFilter(Robot.mir100(), ahead=ahead), cases, 5000)
-        assert row["growth"] < 0.01 and 0.1 < row["median_us"] <= row["max_us"]

@@ -9,7 +9,7 @@ from places import COMPARISONS
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Limits, Robot
+from qpavoid.model.robot import Robot
 
 sys.path.append(str(COMPARISONS / "examples"))
 from wholebody import FootprintLimit
@@ -67,26 +67,6 @@ def test_rows_are_the_slopes_of_distances():
     spare = distance - settings.radius.r_min(np.hypot(0.2, 0.1))
     towards = touch @ post.disc_velocities[0]
     assert rows.h[0] == pytest.approx(DT * (settings.gamma * spare - towards))
-
-
-def test_the_base_keeps_its_limits():
-    slow = Limits(-0.5, 0.5, -1.0, 1.0, acceleration=1.0, wheel_speed=0.6, track=0.4)
-    robot = Robot("slow", ROBOT.footprint, slow)
-    base = FootprintLimit(robot, BASE, AvoidanceSettings(dt=DT))
-    base.driven = 0.2, 0.0
-    rows = base.compute_qp_inequalities(configuration(), DT)
-
-    def holds(v, omega, aside=0.0):
-        return (
-            rows.G[:, :3] @ (DT * v, DT * aside, DT * omega) <= rows.h + 1e-12
-        ).all()
-
-    assert holds(0.2, 0.0) and holds(0.22, 0.9) and holds(0.18, -0.9)
-    assert not holds(0.23, 0.0) and not holds(0.17, 0.0) and not holds(0.2, 1.1)
-    base.driven = 0.5, 0.0
-    rows = base.compute_qp_inequalities(configuration(), DT)
-    assert holds(0.5, 0.4) and not holds(0.5, 0.6)  # a wheel at 0.6 m/s
-    assert not holds(0.5, 0.0, 0.01) and not holds(0.5, 0.0, -0.01)
 
 
 def test_mink_takes_the_same_rows():

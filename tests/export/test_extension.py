@@ -87,24 +87,6 @@ def test_a_run_has_the_bits_of_numba(both, method):
     assert sum(one.calls > 0 for one in both.values()) >= 9
 
 
-BASELINES = {
-    "apf": ["whole_force"],
-    "dwa": ["best_twist", "free_time"],
-    "mppi": ["average", "rollout"],
-    "nmpc": ["nearest_discs"],
-    "ttc": ["descend", "first_met"],
-    "vfh": ["choose", "polar_histogram", "reachable"],
-}
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("method", BASELINES)
-def test_a_baseline_has_the_bits_of_numba(both, method):
-    duration = {"nmpc": 1.0, "dwa": 8.0, "vfh": 8.0}.get(method, 4.0)
-    run(replace(load_scenario("paper/test_case_1"), duration=duration), method)
-    assert all(both[name].calls for name in BASELINES[method])
-
-
 @pytest.mark.long
 def test_a_lidar_has_the_bits_of_numba(both):
     rng, lidar = np.random.default_rng(4), Lidar(LidarSettings(beams=90))

@@ -172,16 +172,6 @@ def test_rate_of_the_distance(footprint, kind, data, motion, twist):
         assert_allclose(now.velocity @ [1, 1j], expected, atol=1e-9)
 
 
-def test_segment_at_a_corner_is_the_one_that_faces_the_obstacle():
-    corner = np.array([-0.445, 0.29])
-    for degrees, segment in ((100, 3), (130, 3), (140, 4), (170, 4)):
-        bearing = math.radians(degrees)
-        place = corner + 0.2 * np.array([math.cos(bearing), math.sin(bearing)])
-        contacts = Contacts.of(PENTAGON, Obstacles(points=[place]))
-        assert_allclose(contacts.point[0], corner)
-        assert contacts.segment[0] == segment
-
-
 @footprints
 def test_on_the_boundary_the_distance_is_zero(footprint):
     ends = np.vstack(

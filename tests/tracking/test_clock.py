@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.scenario.scenario import load_scenario
-from qpavoid.lab.scenario.world import World
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.study.metrics import metrics
 from qpavoid.model.kinematics import arc
@@ -126,21 +125,6 @@ def test_the_slower_reference_is_still_a_unicycle_on_the_path(lag, heading, leas
         mean = 0.5 * (np.array(before[3:]) + after[3:])
         assert arc(*before[:3], *mean, DT) == pytest.approx(after[:3], abs=2e-4)
         before = after
-
-
-def test_without_obstacles_and_limits_nothing_changes():
-    scenario = load_scenario("paper/test_case_1")
-    robot = dataclasses.replace(scenario.robot, limits=UNLIMITED)
-    free = dataclasses.replace(scenario, robot=robot, world=World())
-    never = run(free, "eq7")
-    waits = run(dataclasses.replace(free, waiting=Waiting()), "eq7")
-    for column in set(never.columns) - {"solve_time_s"}:
-        np.testing.assert_array_equal(waits[column], never[column], column)
-    np.testing.assert_array_equal(waits["progress_s"], waits["t_s"])
-    reference = free.path.sample(never["t_s"])
-    columns = ("x_ref_m", "y_ref_m", "heading_ref_rad", "v_ref_mps", "omega_ref_radps")
-    for expected, column in zip(reference.T, columns, strict=True):
-        np.testing.assert_array_equal(waits[column], expected)
 
 
 @settings(max_examples=25)

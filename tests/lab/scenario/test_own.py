@@ -9,7 +9,6 @@ import pytest
 import qpavoid as qp
 from qpavoid.avoidance.decision import STATUSES, Status
 from qpavoid.errors import ConfigError, InvalidInputError, UnknownNameError
-from qpavoid.lab.scenario import methods
 from qpavoid.lab.scenario.methods import find_entry, own_file
 from qpavoid.lab.scenario.scenario import make_scenario
 from qpavoid.lab.simulation.run import run
@@ -178,12 +177,3 @@ def test_what_takes_other_arguments_is_said(tmp_path, method, message):
     with pytest.raises(InvalidInputError, match=message):
         run(scene(tmp_path), method)
     assert run(scene(tmp_path), Bare()).meta["controller"] == "Bare"
-
-
-def test_methods_of_the_package_are_not_looked_for_elsewhere(mine):
-    before = [*sys.path]
-    for name in methods.REGISTRY:
-        find_entry(name)
-        assert own_file(name) is None
-    methods.make_controller("dwa", qp.Robot.mir100(), qp.AvoidanceSettings())
-    assert sys.path == before

@@ -91,14 +91,6 @@ def test_motion_capture_is_below_a_millimetre():
     assert np.sqrt((error**2).sum(axis=1).mean()) < 0.001
 
 
-@pytest.mark.parametrize("kind", [MotionCapture, Uwb])
-def test_localisation_is_seeded(kind):
-    _, one = drive(kind(seed=1), Plant(slip=0.1), 50)
-    _, same = drive(kind(seed=1), Plant(slip=0.1), 50)
-    _, other = drive(kind(seed=2), Plant(slip=0.1), 50)
-    assert (one == same).all() and (one != other).any()
-
-
 def test_lag_is_that_of_a_system_of_first_order_at_any_time_step():
     lag, end = (0.3, 0.1), 0.6
     for n in (1, 6, 60):

@@ -464,18 +464,6 @@ def test_two_scanners_of_a_real_robot(tmp_path, capsys, data_folder):
     assert 0.2 < longest["median_mps"] < 1.5
 
 
-def test_robots_by_name_or_size():
-    assert robot_of("jackal").name == "Jackal"
-    assert np.ptp(robot_of("0.8,0.6").footprint.vertices[:, 0]) == pytest.approx(0.8)
-    with pytest.raises(InvalidInputError, match="neither LENGTH,WIDTH nor mir100"):
-        robot_of("jeep")
-    for text in ("890,580", "0.8,21", "nan,1", "inf,1"):
-        with pytest.raises(InvalidInputError):
-            robot_of(text)
-    with pytest.raises(InvalidInputError, match="in m, at most 20, not 890,580"):
-        robot_of("890,580")
-
-
 def test_parameters_of_the_node(tmp_path, capsys):
     """Its topics, its robot, and its frames; here a speed of 0.2 m/s at most."""
     folder, file = record(tmp_path / "bag"), tmp_path / "node.yaml"

@@ -16,8 +16,7 @@ pytest.importorskip("pyarrow", reason="needs qpavoid[study]")
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.sweep.engine import sweep
 from qpavoid.lab.study.sweep.store import read_provenance, read_rows, shards
-from qpavoid.lab.study.sweep.study import Study, own_stamp, read_study
-from qpavoid.stamps import file_stamp, imported_files, source_stamp
+from qpavoid.lab.study.sweep.study import Study, read_study
 from sweep_sources import table_hash, toml
 
 STUDY = """
@@ -331,22 +330,3 @@ def test_a_run_is_known_by_the_code_of_a_source_of_ones_own(
         study.write_text(path.read_text() + item)
         runs.append({job.run for job in read_study(study).jobs()})
     assert runs[0] == runs[1] and len(runs[0] - runs[2]) == len(runs[0]) // 2
-
-
-def test_a_method_is_another_when_what_it_imports_is(tmp_path, monkeypatch):
-    (tmp_path / "gain_r.py").write_text("K = 1.0\n")
-    (tmp_path / "uses_r.py").write_text(
-        "from gain_r import K\n\ndef go(v, omega, obstacles, context):\n"
-        "    return K * v, omega\n"
-    )
-    monkeypatch.syspath_prepend(tmp_path)
-
-    def stamp():
-        for known in (file_stamp, imported_files, source_stamp):
-            known.cache_clear()
-        return own_stamp("uses_r:go")
-
-    before = stamp()
-    assert stamp() == before and own_stamp("qp") == ""
-    (tmp_path / "gain_r.py").write_text("K = 0.0\n")
-    assert stamp() != before
