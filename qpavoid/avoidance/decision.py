@@ -78,9 +78,6 @@ STATUSES = tuple(Status)
 INVALID = -1
 """Code of compiled functions for invalid input; not a status."""
 
-AT_REST = 1e-3
-"""m/s and rad/s; a slower robot counts as standing still."""
-
 
 class Decision(NamedTuple):
     """Twist of a step, with its status and checks.
@@ -114,9 +111,3 @@ class Decision(NamedTuple):
     shortfall: float = 0.0
     lateral: float = 0.0
     problem: str = ""
-
-
-def blocked_if(decision: Decision, no_way: bool) -> Decision:
-    """Return a decision as ``blocked`` if there is no path and the robot stands."""
-    stands = max(abs(decision.v), abs(decision.omega)) < AT_REST
-    return decision._replace(status=Status.BLOCKED) if no_way and stands else decision
