@@ -18,7 +18,6 @@ from qpavoid.model.footprint import Footprint
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
 from rollouts import (
-    BOX,
     HORIZON,
     LIMITED,
     ROBOT,
@@ -144,25 +143,6 @@ def test_the_least_room_is_the_least_of_dense_looks(robot, seed):
                 assert room == pytest.approx(judged.at(i, when), abs=1e-7)
             else:
                 assert room >= enough - 1e-9
-
-
-@given(seeds)
-def test_what_creeps_grows(seed):
-    """Its distance to keep, as fast as it moves: the one-step filter's slow ones."""
-    rng = np.random.default_rng(seed)
-    discs = np.column_stack([rng.uniform(-1.5, 1.5, (4, 2)), rng.uniform(0.05, 0.2, 4)])
-    turn, speed = rng.uniform(-3, 3, 4), rng.uniform(0.02, 0.1, 4)
-    velocities = np.column_stack([speed * np.cos(turn), speed * np.sin(turn)])
-    world = Obstacles(discs=discs, disc_velocities=velocities)
-    plan = hold(*rng.uniform(BOX[::2], BOX[1::2]), 0.5)
-    judged = Judged(ROBOT, world, plan, (0.3, 0.2), horizon=0.0)
-    assert (judged.bodies["kind"] == table.CREEPS).all()
-    for i in range(len(judged.bodies)):
-        end = judged.rollout.rest
-        true = min(judged.at(i, t) for t in np.linspace(0.0, end, 400))
-        for above in (1e-8, 1e-4, -1e-2):
-            near, _ = judged.near(i, (0.0, end), true + above)
-            assert near == (above > 0.0)
 
 
 @pytest.fixture

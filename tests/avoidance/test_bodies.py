@@ -32,32 +32,11 @@ from rollouts import (
 )
 from shapes import ROBOT
 
-EVERYTHING = Obstacles(
-    points=[[1.0, 0.0], [50.0, 0.0], [1.2, 0.24]],
-    discs=[[2.0, 1.0, 0.3], [-1.0, 0.8, 0.2], [1.5, 0.0, 0.1]],
-    disc_velocities=[[-0.3, 0.0], [0.0, 0.0], [0.0, 0.06]],
-    walls=[[1.0, -1.0, 1.0, 1.0]],
-    polygons=[[(1.0, 1.0), (1.4, 1.0), (1.2, 1.3)]],
-    polygon_velocities=[(0.1, 0.0, 0.5)],
-)
-
 
 def rows(scene):
     """The bodies, by name, in the order of the obstacles."""
     bodies = [table.Body(*body) for body in scene.bodies]
     return sorted(bodies, key=lambda body: body.owner)
-
-
-def test_who_does_not_look_ahead_sees_what_stands_or_creeps():
-    """For as long as a stop takes."""
-    near = rows(scene_of(ROBOT, EVERYTHING, horizon=0.0))
-    assert [body.owner for body in near] == [6]
-    limits = replace(ROBOT.limits, acceleration=0.5)
-    slow = replace(ROBOT, limits=limits)
-    bodies = rows(scene_of(slow, EVERYTHING, horizon=0.0))
-    assert [body.owner for body in bodies] == [0, 2, 4, 5, 6]
-    assert [body.kind for body in bodies] == [0, 0, 0, 2, 0]
-    assert [body.growth for body in bodies] == pytest.approx([0, 0, 0, 0.06, 0])
 
 
 @pytest.mark.parametrize("horizon", [0.0, HORIZON], ids=["present", "ahead"])

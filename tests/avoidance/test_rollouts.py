@@ -14,7 +14,6 @@ from qpavoid.avoidance.proposals import Tables, fill_slopes, slopes_at
 from qpavoid.avoidance.step import look_ticks
 from qpavoid.model.obstacles import Obstacles
 from rollouts import (
-    BOX,
     HORIZON,
     SETTINGS,
     every_robot,
@@ -86,20 +85,6 @@ def test_the_rest_of_a_plan_is_the_same_way(robot, seed):
             c, s = math.cos(at[2]), math.sin(at[2])
             there = at[0] + c * x - s * y, at[1] + s * x + c * y, at[2] + heading
             close(there, trace[j, :3], 1e-7)
-
-
-@robots
-@given(seeds)
-def test_steps_counted_at_once_go_nearly_the_same_way(robot, seed):
-    """The look-ahead counts accelerations by their mean over a tick."""
-    rng = np.random.default_rng(seed)
-    twist = tuple(rng.uniform(BOX[::2], BOX[1::2]))
-    last = tuple(rng.uniform([-0.5, -0.7], [0.5, 0.7]))
-    scene, other = scene_of(robot, NOTHING, last), scene_of(robot, NOTHING, last)
-    exact = rolled(scene, hold(*twist, 3.0), last, 0.0, 1)
-    coarse = rolled(other, hold(*twist, 3.0), last, 0.0, 3)
-    for time in np.linspace(0.0, 3.0 - 4 * DT, 20):
-        close(frame_of(coarse, time), frame_of(exact, time), 0.01)
 
 
 @robots

@@ -127,17 +127,3 @@ def test_bad_input():
         People([(0, 0), (1, 0)], [(1, 0), (2, 0)], reactions=["regular"])
     with pytest.raises(ValueError, match="reshape"):
         People([(0, 0)], [(1, 0), (2, 0)])
-
-
-def test_in_a_world_that_repeats_the_seam_is_no_border():
-    places = np.random.default_rng(0).uniform(0.0, 6.0, (12, 2))
-    shift = np.array([6.0, -12.0])
-    moved = places + shift * (np.arange(12) % 2)[:, None]
-    found = []
-    for some in (places, moved):
-        people = People(some, some + [50.0, 0.0], groups=np.arange(12) // 3)
-        people.period = 6.0
-        people.step(dt=0.05)
-        found.append(people.velocities)
-    assert found[1] == pytest.approx(found[0], abs=1e-9)
-    assert abs(found[0][:, 1]).max() > 0.01

@@ -52,8 +52,12 @@ TRAP = [(4.5, -1.0, 4.5, 1.0), (2.5, 1.0, 4.5, 1.0), (2.5, -1.0, 4.5, -1.0)]
         (crossing, 25.0),
         (qp.Obstacles(walls=TRAP), 60.0),
         (qp.Obstacles(points=[(4.0, 0.1 * k) for k in range(-10, 11)]), 40.0),
+        (qp.Obstacles(discs=[(4.0, 0.7, 0.4), (4.0, -0.7, 0.4)]), 40.0),
+        (qp.Obstacles(walls=[(4.0, -4.0, 4.0, 0.8), (4.0, 2.0, 4.0, 6.0)]), 40.0),
+        (qp.Obstacles(walls=[(2.5, -3.0, 2.5, 0.6), (5.2, -0.6, 5.2, 3.0)]), 40.0),
     ],
-    ids=["nothing", "a disc", "one stands, one crosses", "a trap", "a wall of points"],
+    ids=["nothing", "a disc", "one stands, one crosses", "a trap", "a wall of points"]
+    + ["two discs, too close", "a wall with a gap", "a slalom"],
 )
 def test_it_gets_there(world, most):
     guide = qp.Guide(ROBOT)

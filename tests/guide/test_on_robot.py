@@ -14,7 +14,6 @@ import shapely.affinity
 import qpavoid as qp
 from qpavoid.avoidance.inputs import Stamps
 from qpavoid.errors import InvalidInputError
-from qpavoid.guide.rest import Bounds
 from qpavoid.model.kinematics import arc
 
 FREE = qp.Obstacles()
@@ -220,23 +219,6 @@ def test_a_guide_is_not_copied():
     for copied in (copy.copy, copy.deepcopy, pickle.dumps):
         with pytest.raises(TypeError, match="cannot be copied"):
             copied(qp.Guide(cart()))
-
-
-def test_an_area_is_checked_within_a_step():
-    """An arc may cut a concave corner although both of its ends lie inside."""
-    corners = [(-1, -1), (1, -1), (1, 1), (0.6, 1), (0.6, -0.6), (-1, -0.6)]
-    area, rng, stays = shapely.Polygon(corners), np.random.default_rng(0), 0
-    bounds = Bounds(HOME, math.inf, np.array(corners, dtype=float))
-    for _ in range(600):
-        start, dt = (*rng.uniform(-1, 1, 2), rng.uniform(-3, 3)), rng.choice([0.1, 0.5])
-        twist = rng.uniform(-0.6, 0.6), rng.uniform(-1.2, 1.2)
-        if area.contains(shapely.Point(start[:2])):
-            times = np.linspace(0.0, dt, 50)
-            way = [shapely.Point(arc(*start, *twist, t)[:2]) for t in times]
-            left = bounds.is_left(cart().limit_vector, start, twist, dt)
-            stays += not left
-            assert left or max(map(area.distance, way)) < 5e-3
-    assert stays > 50
 
 
 def test_an_area_that_is_none_is_named_and_the_last_one_kept():

@@ -78,23 +78,13 @@ class Raises(Harmless):
         return super().sample(seed)
 
 
-def toml(document):
-    lines = [f"{k} = {json.dumps(v)}" for k, v in document.items() if k in PLAIN]
-    lines += ["[reference]"]
-    for key, value in document["reference"].items():
-        lines.append(f"{key} = {inline(value)}")
-    for thing in document["obstacles"]:
-        lines += ["[[obstacles]]", *(f"{k} = {inline(v)}" for k, v in thing.items())]
-    return "\n".join(lines)
-
-
-PLAIN = "title", "duration_s", "dt_s"
-
-
-def inline(value):
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{k} = {v}" for k, v in value.items()) + " }"
-    return json.dumps(value)
+def toml(value, inside=False):
+    """Text of a document; of what is inside of it, in one line."""
+    if not isinstance(value, dict):
+        parts = [toml(one, True) for one in value] if isinstance(value, list) else None
+        return json.dumps(value) if parts is None else f"[{', '.join(parts)}]"
+    lines = [f"{key} = {toml(one, True)}" for key, one in value.items()]
+    return "{ " + ", ".join(lines) + " }" if inside else "\n".join(lines)
 
 
 def table_hash(rows):

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-import scipy.special
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_array_equal
 
 from guided import HERE, SETTINGS, SLOW_ROBOT, make, towards
 from qpavoid.avoidance.decision import Status
@@ -11,7 +10,6 @@ from qpavoid.lab.baselines import nmpc
 from qpavoid.lab.baselines.drive import reference_ahead, wide_discs
 from qpavoid.lab.baselines.mppi import (
     Judgement,
-    average,
     depth_within,
     rollout,
 )
@@ -71,15 +69,6 @@ def test_mppi_misses_nothing_that_it_can_reach(seed):
     rollout(by._replace(soonest=least), second)
     assert_array_equal(first, second)
     assert np.ptp(first[:, 81]) > 0.0
-
-
-def test_mppi_averages_by_cost():
-    rng = np.random.default_rng(3)
-    costs, samples = 1e5 + rng.uniform(0.0, 2.0, 40), rng.normal(size=(40, 12))
-    mean = np.full(12, np.nan)
-    average(0.3, np.column_stack([samples, costs, 0.0 * costs]), mean)
-    weights = scipy.special.softmax(-costs / 0.3)
-    assert_allclose(mean, weights @ samples, rtol=1e-9, atol=1e-12)
 
 
 def planned(discs, driven=(0.5, 0.0)):

@@ -47,15 +47,6 @@ def test_the_reference_runs_through_an_obstacle(robot, some):
         assert exact_clearance(robot.footprint, scene, line).min() < 0.0
 
 
-def test_scenes_repeat_and_differ(robot, some):
-    again = scenes.make_scene(robot.footprint, 3, 5)
-    np.testing.assert_array_equal(again.discs, some[5].discs)
-    np.testing.assert_array_equal(again.walls, some[5].walls)
-    other = scenes.make_scene(robot.footprint, 4, 5)
-    assert other.length != again.length
-    assert len({scene.length for scene in some}) == len(some)
-
-
 def wall_with_gap(width):
     walls = [(4.0, -5.0, 4.0, -width / 2), (4.0, width / 2, 4.0, 5.0)]
     return scenes.ForestScene(8.0, np.empty((0, 3)), np.array(walls))
