@@ -140,13 +140,17 @@ def pytest_runtestloop(session):
     paths = [p for x in FOLDERS for p in sorted((ROOT / "qpavoid" / x).glob("*.py"))]
     mutants = [(path, name) for path in paths for name in named(path.read_text())]
     random.Random(SEED).shuffle(mutants)
-    mutants, survivors = mutants[:COUNT], 0
-    for path, name in mutants:
+    survivors = stillborn = 0
+    for path, name in mutants[:COUNT]:
         tests = sorted(quick, key=partial(order, path))
-        if spent(tests, HANGS, path, name) < math.inf:
+        time = spent(tests, HANGS, path, name)
+        stillborn += math.isnan(time)
+        if time < math.inf:
             survivors += 1
             print(f"{path.relative_to(ROOT)}, {name}", flush=True)
-    print(f"{len(quick)} tests; of {len(mutants)} mutants {survivors} survive")
+    tried = len(mutants[:COUNT]) - stillborn
+    print(f"{len(quick)} tests; of {tried} mutants {survivors} survive; ", end="")
+    print(f"{stillborn} cannot be built")
     return True
 
 
@@ -157,15 +161,20 @@ def order(path, item):
 
 
 def spent(items, most, *mutant):
-    """Return the time of tests in a process of their own, s; infinite: one fails."""
+    """Return the time of tests in a process of their own, s.
+
+    Infinite if one fails; NaN if a mutant cannot be built.
+    """
     if (child := os.fork()) == 0:
         os.setsid()
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
         signal.alarm(WALL)
+        code = 2
         with suppress(BaseException):
             if mutant:
                 put(*mutant)
+            code = 1
             began = process_time()
             while items and process_time() < began + BUDGET:
                 signal.setitimer(signal.ITIMER_VIRTUAL, most)
@@ -173,9 +182,10 @@ def spent(items, most, *mutant):
                 item.ihook.pytest_runtest_protocol(item=item, nextitem=None)
                 assert not item.session.testsfailed
             os._exit(0)
-        os._exit(1)
+        os._exit(code)
     _, status, used = os.wait4(child, 0)
-    return math.inf if status else used.ru_utime
+    ended = os.waitstatus_to_exitcode(status)
+    return {0: used.ru_utime, 2: math.nan}.get(ended, math.inf)
 
 
 if __name__ == "__main__":

@@ -213,7 +213,7 @@ WRONG = [
 
 
 def test_before_somebody_who_gives_way_a_yielding_guide_does_not_retreat():
-    """Who walks up to the robot, follows it, and stops 0.25 m in front of it."""
+    """A person who walks up to the robot, follows it, and stops 0.25 m before it."""
     backs = []
     for yielding in (False, True):
         guide, pose, person, least = qp.Guide(ROBOT, yielding=yielding), HERE, 3.0, 0.0
