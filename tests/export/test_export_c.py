@@ -177,7 +177,7 @@ def test_nothing_is_needed_beyond_libm(filters, name, tmp_path):
     listed = subprocess.run(
         ["nm", "filter.o"], cwd=tmp_path, check=True, capture_output=True, text=True
     ).stdout
-    libm = "sqrt sin cos atan2 copysign ceil floor fmod rint".split()
+    libm = "sqrt hypot sin cos atan2 copysign ceil floor fmod rint".split()
     assert set(re.findall(r" U (\w+)", listed)) <= {*libm, "memcpy", "memset"}
     assert not re.search(r" [BbDd] ", listed), "memory of its own"
 
