@@ -35,7 +35,7 @@ from qpavoid.model.kinematics import integrate, to_world
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import limit_twist
 from qpavoid.tracking.kanayama import Gains, Reference, tracking_error
-from qpavoid.tracking.station import StationKeeping, StationTracker
+from qpavoid.tracking.station import StationKeeping, Tracker
 from qpavoid.types import Array, Pose, Twist
 
 KINDS = *REACTIONS, "beside", "box", "cart"
@@ -172,7 +172,7 @@ def driver(method: str) -> Callable[[Pose, Obstacles, Twist], Twist]:
         guide.stay(STATION, region=REGION)
         return lambda pose, obstacles, last: guide.step(pose, obstacles)[:2]
     step = make_controller(method, ROBOT, SETTINGS).start()
-    track = StationTracker(Gains(), StationKeeping(), ROBOT.limits).start()
+    track = Tracker(Gains(), StationKeeping(), ROBOT.limits).start()
 
     def drive(pose: Pose, obstacles: Obstacles, last: Twist) -> Twist:
         error = tracking_error(pose, STATION)

@@ -51,8 +51,7 @@ from qpavoid.compiled import bound
 from qpavoid.errors import QPAvoidError, ThreadError
 from qpavoid.model.contacts import most_contacts
 from qpavoid.model.footprint import Footprint
-from qpavoid.model.given import NO_CAPSULES, NO_POINTS
-from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.obstacles import NO_CAPSULES, NO_POINTS, Obstacles
 from qpavoid.model.robot import UNLIMITED_TWIST, Robot, braking_twist
 from qpavoid.qp.backends import BackEnd, find_back_end
 from qpavoid.qp.exact import ROW_OWNER, B

@@ -20,9 +20,8 @@ from typing import Annotated, Any, NamedTuple, TypeVar
 
 from qpavoid.avoidance.cbf_rows import SPEED_AT_REST
 from qpavoid.errors import InvalidInputError, QPAvoidError
-from qpavoid.model.given import NO_CAPSULES, NO_POINTS
 from qpavoid.model.kinematics import integrate
-from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.obstacles import NO_CAPSULES, NO_POINTS, Obstacles
 from qpavoid.model.robot import RELATIVE_ROUNDING, driven_twist
 from qpavoid.model.validation import as_rows, check_finite
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, Range, check, want

@@ -39,9 +39,9 @@ from qpavoid.model.validation import as_number, as_pose, as_rows, check_finite
 from qpavoid.perception.perception import Perception
 from qpavoid.settings import want
 from qpavoid.tracking.clock import Waiting
-from qpavoid.tracking.kanayama import Gains, Tracker, tracking_error
+from qpavoid.tracking.kanayama import Gains, tracking_error
 from qpavoid.tracking.path import Path, SplinePath
-from qpavoid.tracking.station import StationKeeping, StationTracker
+from qpavoid.tracking.station import StationKeeping, Tracker
 from qpavoid.types import Array, Pose, Twist
 
 TURN_ONLY_WITHIN = 1e-6
@@ -241,7 +241,7 @@ class Guide:
         self._mode, self._arrived, self._quiet = float(CLEAR), False, math.inf
         self._from, self._asked = (0.0, 0.0, 0.0), Asked(np.zeros(3), math.inf)
         plan = standing(self._from)
-        law = StationTracker(Gains(), StationKeeping(), robot.limits)
+        law = Tracker(Gains(), StationKeeping(), robot.limits)
         self._headway, self._state = Headway(plan, 0, 1.0), fresh_stage()
         self._path = PathTracking(law, Waiting(), self.settings.dt, self._guide)
         self._path.follow(plan)
@@ -425,7 +425,7 @@ class Guide:
             self._rest.begin(speed == math.inf)
         v_min, v_max = max(limits.v_min, -speed), min(limits.v_max, speed)
         limits = replace(limits, v_min=v_min, v_max=v_max)
-        tracker = StationTracker(Gains(), StationKeeping(), limits)
+        tracker = Tracker(Gains(), StationKeeping(), limits)
         self._path = PathTracking(tracker, Waiting(), self.settings.dt, self._guide)
         self._path.follow(plan, place)
         self._asked, self._slowed, self._law = asked, limits, tracker.array

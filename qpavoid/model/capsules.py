@@ -221,17 +221,8 @@ def chain_end(capsules: Array, i: int) -> int:
     return end
 
 
-@entry
-@compiled_once
-def _has_length_fits(capsules: Capsules, i: int) -> bool:
-    """Return whether the table has a row i."""
-    all_fit: bool = 0 <= i < capsules.shape[0]
-    return all_fit
-
-
-@entry_if(_has_length_fits)
 @compiled
-def has_length(capsules: Capsules, i: int) -> bool:
+def has_length(capsules: Array, i: int) -> bool:
     """Return whether the axis of a capsule has a length: no disc."""
     if capsules[i, X1] != capsules[i, X2] or capsules[i, Y1] != capsules[i, Y2]:
         return True

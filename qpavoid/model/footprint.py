@@ -13,6 +13,8 @@ from qpavoid.compiled import compiled_once
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.capsules import CORNER
 from qpavoid.model.contact import point_contact
+from qpavoid.model.validation import finite_rows
+from qpavoid.settings import want
 from qpavoid.types import Array
 
 BENT = round(CORNER**-2)
@@ -140,18 +142,11 @@ def fill_edges(corners: Array, begin: int, end: int, edges: Array) -> float:
     return reach
 
 
-def checked(given: Any) -> Array:
-    """Return the corners (n, 2) of a simple polygon, read-only."""
-    try:
-        vertices = np.array(given, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"footprint corners must be numbers: {error}") from None
-    if vertices.ndim != 2 or vertices.shape[1] != 2 or len(vertices) < 3:
-        raise InvalidInputError(
-            f"a footprint takes (n, 2) vertices with n >= 3, not shape {vertices.shape}"
-        )
-    if not np.isfinite(vertices).all():
-        raise InvalidInputError("footprint vertices must be finite")
+def simple_polygon(corners: npt.ArrayLike) -> Array:
+    """Return the corners (n, 2) of a simple polygon, a read-only copy."""
+    vertices = finite_rows(corners, 2, "footprint vertices").copy()
+    few = f"a footprint takes n >= 3 vertices, not {len(vertices)}"
+    want(len(vertices) >= 3, few)
     if wrong := why_not_simple(vertices):
         raise InvalidInputError(
             "footprint vertices must be the corners of a polygon, counter-clockwise, "
@@ -190,15 +185,14 @@ class Footprint:
     edges: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        outlines, parts, end = tuple(map(checked, self.outlines)), [], 0
-        if not outlines:
-            raise InvalidInputError("a footprint takes one polygon or more, not none")
+        outlines, end = tuple(map(simple_polygon, self.outlines)), 0
+        parts = list[Array]()
+        want(len(outlines) > 0, "a footprint takes one polygon or more, not none")
         for outline in outlines:
             parts += [
                 outline[[i for _, _, i in x]] for x in convex_parts(exact(outline))
             ]
-        if not parts:
-            raise InvalidInputError("a footprint takes polygons with a width")
+        want(len(parts) > 0, "a footprint takes polygons with a width")
         vertices, corners = np.vstack(outlines), np.vstack(parts)
         edges = np.empty((len(corners), 6))
         for part in parts:

@@ -1,7 +1,6 @@
 """Obstacles: sensed points, discs, walls and convex polygons, in one table.
 
-The table, its columns and the motion are those of :mod:`qpavoid.model.capsules`;
-arguments are validated by :mod:`qpavoid.model.given`.
+The table, its columns and the motion are those of :mod:`qpavoid.model.capsules`.
 """
 
 from collections.abc import Sequence
@@ -10,7 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from qpavoid.errors import InvalidInputError
 from qpavoid.model.capsules import (
+    CAPSULE_WIDTH,
     NO_SQUARE,
     OWNER,
     PIVOT_X,
@@ -23,13 +24,25 @@ from qpavoid.model.capsules import (
     X1,
     Y1,
     Y2,
+    fill_capsules,
     in_robot_frame,
     like,
 )
-from qpavoid.model.given import NO_DISCS, NO_POINTS, NO_TURNS, NO_WALLS, given_obstacles
-from qpavoid.model.validation import NO_POLYGONS, as_rows, check_finite
-from qpavoid.settings import want
+from qpavoid.model.footprint import why_not_convex
+from qpavoid.model.validation import (
+    NO_POLYGONS,
+    as_polygons,
+    as_velocities,
+    check_not_negative,
+    finite_rows,
+)
 from qpavoid.types import Array, Arrays, Pose
+
+NO_POINTS = np.empty((0, 2))
+NO_DISCS = np.empty((0, 3))
+NO_WALLS = np.empty((0, 4))
+NO_TURNS = np.empty((0, 3))
+NO_CAPSULES = np.empty((0, CAPSULE_WIDTH))
 
 
 @dataclass(frozen=True, eq=False, slots=True, init=False)
@@ -73,25 +86,24 @@ class Obstacles:
         wall_velocities: npt.ArrayLike = NO_POINTS,
         disc_sigmas: npt.ArrayLike = (),
     ) -> None:
-        given = given_obstacles(
-            points,
-            discs,
-            disc_velocities,
-            walls,
-            polygons,
-            polygon_velocities,
-            wall_velocities,
-        )
-        given.check()
-        object.__setattr__(self, "points", given.points.copy())
-        object.__setattr__(self, "capsules", given.table)
+        points, discs = finite_rows(points, 2, "points"), finite_rows(discs, 3, "discs")
+        walls, chains = finite_rows(walls, 4, "walls"), as_polygons(polygons)
         sigmas = np.reshape(disc_sigmas, (-1, 1))
-        if len(sigmas):
-            want(len(sigmas) == len(given.discs), "disc_sigmas: one for every disc")
-            sigmas = as_rows(sigmas, 1, "disc_sigmas")
-            check_finite(sigmas, "disc_sigmas")
-            want(bool((sigmas >= 0.0).all()), "disc_sigmas must not be negative")
-            self.capsules[: len(sigmas), SIGMA] = sigmas[:, 0]
+        sigmas = as_velocities(sigmas, len(discs), 1, "disc_sigmas")
+        check_not_negative(discs[:, 2], "the radius of discs")
+        check_not_negative(sigmas[:, 0], "disc_sigmas")
+        given = (
+            discs,
+            as_velocities(disc_velocities, len(discs), 2, "disc_velocities"),
+            walls,
+            as_velocities(wall_velocities, len(walls), 2, "wall_velocities"),
+        )
+        turns = as_velocities(polygon_velocities, len(chains), 3, "polygon_velocities")
+        object.__setattr__(self, "points", points.copy())
+        object.__setattr__(
+            self, "capsules", as_table(len(points), given, chains, turns)
+        )
+        self.capsules[: len(discs), SIGMA] = sigmas[:, 0]
 
     @classmethod
     def of(cls, points: Array, capsules: Array) -> "Obstacles":
@@ -257,20 +269,48 @@ class Obstacles:
         if not len(self.capsules):
             return Obstacles.of(points, self.capsules)
         lines, starts, sizes = self.capsules[:, X1 : Y2 + 1], self.starts, self.sizes
-        near = np.hypot(*nearest_on_lines(lines, 0.0).T) - self.capsules[:, RADIUS]
+        start, way = lines[:, :2], lines[:, 2:] - lines[:, :2]
+        length = np.maximum((way * way).sum(axis=1), NO_SQUARE)
+        share = np.clip((-start * way).sum(axis=1) / length, 0.0, 1.0)
+        near = np.hypot(*(start + share[:, None] * way).T) - self.capsules[:, RADIUS]
         near = np.logical_or.reduceat(near < reach, starts)
         left = lines[:, 0] * lines[:, 3] > lines[:, 1] * lines[:, 2]
         near |= (sizes > 1) & np.logical_and.reduceat(left, starts)  # round the origin
         return Obstacles.of(points, self.capsules[np.repeat(near, sizes)])
 
 
+def as_table(
+    first: int,
+    given: tuple[Array, Array, Array, Array],
+    chains: list[Array],
+    turns: Array,
+) -> Array:
+    """Return the capsules (M, CAPSULE_WIDTH) of valid arrays.
+
+    Args:
+        first: Number of the first obstacle.
+        given: Discs and walls, each with its velocities.
+        chains: Of each polygon its (n, 2) vertices, m.
+        turns: (P, 3) velocities of the polygons.
+
+    Raises:
+        InvalidInputError: A polygon is not strictly convex and counter-clockwise.
+    """
+    corners = np.concatenate([NO_POINTS, *chains])
+    rows = len(given[0]) + len(given[2]) + len(corners)
+    capsules = np.empty((rows, CAPSULE_WIDTH))
+    if rows == 0:  # imports must not need machine code
+        return capsules
+    sizes = np.array([len(one) for one in chains], dtype=np.float64)
+    polygons = np.column_stack([sizes, turns])
+    wrong = fill_capsules(first, *given, corners, polygons, capsules)
+    if wrong >= 0:
+        why = why_not_convex(chains[wrong]) or "hardly turn"
+        raise InvalidInputError(
+            f"polygons[{wrong}] must have the corners of a convex polygon, "
+            f"counter-clockwise, without repeated or collinear ones: these {why}"
+        )
+    return capsules
+
+
 NO_OBSTACLES = Obstacles()
-
-
-def nearest_on_lines(lines: Array, ahead: float) -> Array:
-    """Return the point (n, 2) of every segment (n, 4) nearest to (ahead, 0), m."""
-    start, way = lines[:, :2], lines[:, 2:] - lines[:, :2]
-    length = np.maximum((way * way).sum(axis=1), NO_SQUARE)
-    share = np.clip((((ahead, 0.0) - start) * way).sum(axis=1) / length, 0.0, 1.0)
-    nearest: Array = start + share[:, None] * way
-    return nearest

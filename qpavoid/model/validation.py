@@ -123,19 +123,19 @@ def as_velocities(value: npt.ArrayLike, count: int, columns: int, name: str) -> 
     """Return velocities (count, columns); zeros for an empty array.
 
     Raises:
-        InvalidInputError: As :func:`as_rows`, or another number of rows.
+        InvalidInputError: As :func:`finite_rows`, or another number of rows.
     """
-    array = as_rows(value, columns, name)
+    array = finite_rows(value, columns, name)
     if len(array) == count:
         return array
     if len(array):
-        of = name.removesuffix("_velocities") + "s"
+        of = name.partition("_")[0] + "s"
         raise InvalidInputError(f"{name} has {len(array)} rows for {count} {of}")
     return np.zeros((count, columns))
 
 
 def as_polygons(value: Any) -> list[Array]:
-    """Return the vertices of every polygon, (n, 2) with n of at least 3.
+    """Return the vertices of every polygon, (n, 2), finite, with n of at least 3.
 
     Raises:
         InvalidInputError: Not a sequence of such arrays.
@@ -145,7 +145,7 @@ def as_polygons(value: Any) -> list[Array]:
     if not (hasattr(value, "__len__") and hasattr(value, "__iter__")):
         raise InvalidInputError("polygons must be a sequence of (n, 2) vertices")
     _want_few(value, 1, "polygons")
-    made = [as_rows(one, 2, f"polygons[{i}]") for i, one in enumerate(value)]
+    made = [finite_rows(one, 2, f"polygons[{i}]") for i, one in enumerate(value)]
     for i, vertices in enumerate(made):
         if len(vertices) < 3:
             raise InvalidInputError(
@@ -163,3 +163,10 @@ def check_finite(array: Array, name: str) -> None:
             f"{name}[{row}] = {array[row].tolist()} is not finite, or above "
             f"{FARTHEST:g}; leave out readings without an echo"
         )
+
+
+def check_not_negative(values: Array, name: str) -> None:
+    """Raise InvalidInputError for the first of (n,) that is negative."""
+    if (values < 0.0).any():
+        row = int(np.argmax(values < 0.0))
+        raise InvalidInputError(f"{name}[{row}] is negative: {values[row]:g}")

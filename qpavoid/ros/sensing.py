@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from qpavoid.model.footprint import Footprint, offset_outline
-from qpavoid.model.given import NO_POINTS
 from qpavoid.model.kinematics import to_world
-from qpavoid.model.obstacles import NO_OBSTACLES, Obstacles
+from qpavoid.model.obstacles import NO_OBSTACLES, NO_POINTS, Obstacles
 from qpavoid.model.trail import placed, relative
 from qpavoid.model.transform import Transform
 from qpavoid.ros import mask

@@ -2,15 +2,13 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import astuple, dataclass
-from typing import Annotated, NamedTuple, Protocol, TypeAlias
-
-import numpy as np
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple, TypeAlias
 
 from qpavoid.compiled import compiled, entry
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.settings import NOT_NEGATIVE, check
-from qpavoid.types import Array, Pose, Twist
+from qpavoid.types import Pose, Twist
 
 
 class Reference(NamedTuple):
@@ -33,19 +31,6 @@ class Reference(NamedTuple):
 
 Track: TypeAlias = Callable[[Pose, Reference], Twist]
 """Function from pose and reference to the desired twist."""
-
-
-class Tracker(Protocol):
-    """A tracking law with its settings, without the state of a run."""
-
-    @property
-    def array(self) -> Array:
-        """(9,) numbers, as :func:`qpavoid.tracking.station.track_step` takes them."""
-        ...
-
-    def start(self) -> Track:
-        """Return the law of a new run."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -89,28 +74,3 @@ def kanayama(error: Pose, reference: Twist, gains: tuple[float, float, float]) -
         v_r * math.cos(e_gamma) + k_x * e_x,
         omega_r + v_r * k_y * e_y + k_gamma * math.sin(e_gamma),
     )
-
-
-@dataclass(frozen=True)
-class KanayamaTracker:
-    """Eq. 6 alone, as in the paper.
-
-    Attributes:
-        gains: k_x, k_y, k_γ.
-    """
-
-    gains: Gains
-
-    @property
-    def array(self) -> Array:
-        """(9,) the gains, then zeros: no law at rest."""
-        return np.array([*astuple(self.gains), *[0.0] * 6])
-
-    def start(self) -> Track:
-        """Return the law of a new run."""
-        gains = self.gains.k_x, self.gains.k_y, self.gains.k_gamma
-
-        def track(pose: Pose, reference: Reference) -> Twist:
-            return kanayama(tracking_error(pose, reference[:3]), reference[3:], gains)
-
-        return track

@@ -12,6 +12,7 @@ import numpy as np
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.kinematics import TINY
+from qpavoid.model.validation import finite_rows
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, check
 from qpavoid.types import Array, Pose
 
@@ -203,9 +204,7 @@ class SplinePath:
 
 def _evenly(points: Array, spacing: float) -> Array:
     """Return points (n, 2) on a polyline about every ``spacing`` m, ends included."""
-    corners = np.array(points, dtype=np.float64)
-    if corners.ndim != 2 or corners.shape[1] != 2 or not np.isfinite(corners).all():
-        raise InvalidInputError("way-points must be finite, of shape (n, 2)")
+    corners = finite_rows(points, 2, "way-points")
     with np.errstate(over="ignore"):
         steps = np.hypot(*np.diff(corners, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])

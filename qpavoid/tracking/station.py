@@ -81,7 +81,7 @@ class TrackingLaw(NamedTuple):
 
 @compiled
 def law_of(law: Array) -> TrackingLaw:
-    """Return :attr:`StationTracker.array` as a record."""
+    """Return :attr:`Tracker.array` as a record."""
     moving, resting = (law[0], law[1], law[2]), (law[3], law[4], law[5])
     return TrackingLaw(moving, resting, law[6], law[7], law[8])
 
@@ -156,7 +156,7 @@ def track_step(
     into the station law.
 
     Args:
-        law: :attr:`StationTracker.array`; with ``blend_speed`` 0 Eq. 6 alone.
+        law: :attr:`Tracker.array`; with ``blend_speed`` 0 Eq. 6 alone.
         robot: :attr:`qpavoid.model.robot.Robot.limit_vector`.
         pose: World frame.
         reference: World frame.
@@ -179,23 +179,24 @@ def track_step(
 
 
 @dataclass(frozen=True)
-class StationTracker:
-    """Eq. 6 while the reference moves, the station law at rest.
+class Tracker:
+    """Eq. 6 while the reference moves; at rest the station law, if there is one.
 
     Attributes:
         gains: Of Eq. 6.
-        station: Of the law at rest.
+        station: Of the law at rest; None: Eq. 6 alone, as in the paper.
         limits: Of the robot.
     """
 
     gains: Gains
-    station: StationKeeping
+    station: StationKeeping | None
     limits: Limits
 
     @property
     def array(self) -> Array:
-        """(9,) gains and settings in the order of their fields."""
-        return np.array([*astuple(self.gains), *astuple(self.station)])
+        """(9,) gains and settings in the order of their fields; zeros for no law."""
+        resting = astuple(self.station) if self.station else [0.0] * 6
+        return np.array([*astuple(self.gains), *resting])
 
     def start(self) -> Track:
         """Return the tracking law of a new run; its state is the driving direction."""

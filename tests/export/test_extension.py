@@ -202,7 +202,6 @@ WORLD = np.zeros((2, 2)), np.zeros((1, 12))
 BEAMS, POSE, NONE = np.ones((4, 2)), (0.0, 0.0, 0.0), np.zeros((0, 4))
 UNFITTING = {
     "contact_at": [(CONTACTS, 3), (CONTACTS, -1), (CONTACTS[:0], 0)],
-    "has_length": [(WORLD[1], 1), (WORLD[1], -1)],
     "contact_table": [(EDGES, 0.5, WORLD, 1.0, CONTACTS[:-1].copy())],
     "in_robot_frame": [(POSE, 0.0, WORLD, (WORLD[0], WORLD[1][:0]))],
     "fill_capsules": [

@@ -40,11 +40,11 @@ from qpavoid.guide.steering import park_twist
 from qpavoid.model.kinematics import arc
 from qpavoid.model.robot import limit_twist
 from qpavoid.tracking.kanayama import Gains, tracking_error
-from qpavoid.tracking.station import StationKeeping, StationTracker
+from qpavoid.tracking.station import StationKeeping, Tracker
 
 ROBOT = qp.Robot.mir100()
 SETTINGS = qp.AvoidanceSettings()
-LAW = StationTracker(Gains(), StationKeeping(), ROBOT.limits).array
+LAW = Tracker(Gains(), StationKeeping(), ROBOT.limits).array
 DT = SETTINGS.dt
 
 

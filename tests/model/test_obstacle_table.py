@@ -18,8 +18,7 @@ from qpavoid.model.capsules import (
     greatest_speed,
     speed_bound,
 )
-from qpavoid.model.given import NO_CAPSULES
-from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.obstacles import NO_CAPSULES, Obstacles
 
 TRIANGLE = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 1.0]])
 

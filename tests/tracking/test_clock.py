@@ -15,8 +15,9 @@ from qpavoid.lab.study.metrics import metrics
 from qpavoid.model.kinematics import arc
 from qpavoid.model.robot import Limits
 from qpavoid.tracking.clock import NEVER, Waiting, progress_rate
-from qpavoid.tracking.kanayama import Gains, KanayamaTracker
+from qpavoid.tracking.kanayama import Gains
 from qpavoid.tracking.path import CubicPath, SplinePath
+from qpavoid.tracking.station import Tracker
 
 GAINS = Gains(2.0, 6.0, 4.0)
 UNLIMITED = Limits.symmetric(math.inf, math.inf)
@@ -50,11 +51,11 @@ reaches = st.tuples(st.floats(0.0, 2.0), st.floats(1e-6, 2.0))
 angles = st.floats(-math.pi, math.pi)
 
 
-def drive(start, waiting, limits=UNLIMITED, tracker=None):
+def drive(start, waiting):
     """Return poses, references and progress (s) of a robot that nothing hinders."""
     times = DT * np.arange(1501)
     follow = waiting.start(PATH.sample(times))
-    track, pose = (tracker or KanayamaTracker(GAINS)).start(), start
+    track, pose = Tracker(GAINS, None, UNLIMITED).start(), start
     poses, references, progress = [], [], []
     for _ in times[:-1]:
         reference, place = follow(pose)
@@ -62,8 +63,7 @@ def drive(start, waiting, limits=UNLIMITED, tracker=None):
         references.append(reference)
         progress.append(DT * place)
         v, omega = track(pose, reference)
-        v = min(max(v, limits.v_min), limits.v_max)
-        pose = arc(*pose, v, min(max(omega, limits.omega_min), limits.omega_max), DT)
+        pose = arc(*pose, v, omega, DT)
     return np.array(poses), np.array(references), np.array(progress)
 
 

@@ -12,9 +12,9 @@ from qpavoid.lab.simulation.run import run
 from qpavoid.lab.study.metrics import metrics
 from qpavoid.model.kinematics import arc, wrap_angle
 from qpavoid.model.robot import Limits, Robot, limit_twist
-from qpavoid.tracking.kanayama import Gains, KanayamaTracker, kanayama, tracking_error
+from qpavoid.tracking.kanayama import Gains, kanayama, tracking_error
 from qpavoid.tracking.path import CubicPath
-from qpavoid.tracking.station import StationKeeping, StationTracker
+from qpavoid.tracking.station import StationKeeping, Tracker
 
 GAINS = Gains(1.0, 1.0, 2.0)
 LIMITS = Robot.mir100().limits
@@ -23,7 +23,7 @@ angles = st.floats(-math.pi, math.pi)
 
 
 def tracker(limits=LIMITS, **settings):
-    return StationTracker(GAINS, StationKeeping(**settings), limits)
+    return Tracker(GAINS, StationKeeping(**settings), limits)
 
 
 def drive(pose, law, seconds, dt=0.02):
@@ -53,7 +53,7 @@ def test_every_pose_within_3_m_is_back_within_15_s(distance, bearing, heading):
 def test_a_lateral_error_is_what_eq_6_cannot_correct():
     start = (0.0, 0.15, 0.0)
     assert is_back(drive(start, tracker(), 15.0)[0][-1:]).all()
-    poses, _ = drive(start, KanayamaTracker(GAINS), 15.0)
+    poses, _ = drive(start, Tracker(GAINS, None, LIMITS), 15.0)
     np.testing.assert_allclose(poses[-1], start, atol=1e-12)
 
 
@@ -87,9 +87,8 @@ def test_eq_6_hands_over_smoothly():
     twists = np.array(
         [tracker().start()(pose, (0.3, 0.1, 0.0, v, 0.0)) for v in speeds]
     )
-    plain = KanayamaTracker(GAINS).start()
-    moving = speeds >= 0.05
-    expected = [plain(pose, (0.3, 0.1, 0.0, v, 0.0)) for v in speeds[moving]]
+    moving, error = speeds >= 0.05, tracking_error(pose, (0.3, 0.1, 0.0))
+    expected = [kanayama(error, (v, 0.0), (1.0, 1.0, 2.0)) for v in speeds[moving]]
     np.testing.assert_array_equal(twists[moving], expected)
     assert np.abs(np.diff(twists, axis=0)).max() < 0.02
 

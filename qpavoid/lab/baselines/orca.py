@@ -19,8 +19,7 @@ from qpavoid.lab.baselines.drive import (
     wide_still,
 )
 from qpavoid.model.capsules import X1, Y1, Y2
-from qpavoid.model.given import NO_POINTS
-from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.obstacles import NO_POINTS, Obstacles
 from qpavoid.types import Array, Twist
 
 NEIGHBOURS = 60

@@ -17,9 +17,8 @@ import numpy as np
 
 from qpavoid.avoidance.cbf_rows import SPEED_AT_REST
 from qpavoid.lab.planning.grid import Grid, cheapest_way, costs_of, length
-from qpavoid.model.given import NO_POINTS
 from qpavoid.model.kinematics import wrap_angle
-from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.obstacles import NO_POINTS, Obstacles
 from qpavoid.tracking.path import DISTINCT, SplinePath
 from qpavoid.types import Array, Pose
 

@@ -32,8 +32,8 @@ from qpavoid.model.robot import Limits, Robot
 from qpavoid.perception.settings import PerceptionSettings
 from qpavoid.tracking import path as motion
 from qpavoid.tracking.clock import NEVER, Waiting
-from qpavoid.tracking.kanayama import Gains, KanayamaTracker, Tracker
-from qpavoid.tracking.station import StationKeeping, StationTracker
+from qpavoid.tracking.kanayama import Gains
+from qpavoid.tracking.station import StationKeeping, Tracker
 from qpavoid.types import Array, Pose
 
 Folder: TypeAlias = str | os.PathLike[str] | None
@@ -281,10 +281,8 @@ def make_robot(model: schema.RobotModel) -> Robot:
 
 def make_tracker(model: schema.TrackingModel, limits: Limits) -> Tracker:
     """Return the tracking law."""
-    gains = read(Gains, model)
-    if not model.station_keeping:
-        return KanayamaTracker(gains)
-    return StationTracker(gains, read(StationKeeping, model), limits)
+    station = read(StationKeeping, model) if model.station_keeping else None
+    return Tracker(read(Gains, model), station, limits)
 
 
 def make_localisation(model: schema.ScenarioModel) -> MotionCapture | Uwb | None:

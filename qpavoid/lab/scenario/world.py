@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.given import NO_DISCS, NO_POINTS, NO_WALLS
-from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.obstacles import NO_DISCS, NO_POINTS, NO_WALLS, Obstacles
 from qpavoid.types import Array
 
 ABSENT = 1e4

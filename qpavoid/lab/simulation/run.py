@@ -15,9 +15,8 @@ from qpavoid.lab.simulation.loop import Simulation
 from qpavoid.lab.simulation.outcome import Goal
 from qpavoid.model.capsules import OWNER, PIVOT_X, PIVOT_Y, TURN, V_X, X1, Y1
 from qpavoid.model.footprint import Footprint
-from qpavoid.model.given import NO_POINTS
 from qpavoid.model.kinematics import integrate
-from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.obstacles import NO_POINTS, Obstacles
 from qpavoid.types import Array, Pose, Twist
 
 
