@@ -34,19 +34,16 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function of scalars and arrays to machine code at its first call.
 
     No fast-math: NaN, signs, errors and the order of operations are those of Python.
-    The GIL is released. Where no
-    cache directory can be written every process compiles for itself.
-
-    Arrays are borrowed without counting references; a function that allocates is
-    refused by the compiler. Calls from compiled functions are inlined, since passing a
-    dozen arrays costs as much as most of these formulas.
+    The GIL is released. A function that allocates is refused by the compiler. Calls
+    from compiled functions are inlined, since passing a dozen arrays costs as much as
+    most of these formulas.
     """
-    return _compile(function, _nrt=False, forceinline=True)
+    return Compiled(function, _nrt=False, forceinline=True)
 
 
 def compiled_once(function: Callable[P, R]) -> Callable[P, R]:
     """Compile as :func:`compiled`, not inlined: for long functions called often."""
-    return _compile(function, _nrt=False)
+    return Compiled(function, _nrt=False)
 
 
 class Compiled:
@@ -66,13 +63,13 @@ class Compiled:
         self.py_func, self.is_entry, self.options = function, False, options
         self.asks = ""
 
-    def __call__(self, *given: Any, **named: Any) -> Any:
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
         """Call the machine code."""
         if named:
-            bound = inspect.signature(self.py_func).bind(*given, **named)
+            bound = inspect.signature(self.py_func).bind(*arguments, **named)
             bound.apply_defaults()
-            given = bound.args
-        return self.call(*given)
+            arguments = bound.args
+        return self.call(*arguments)
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
@@ -96,7 +93,7 @@ class Compiled:
     @cached_property
     def inner(self) -> Any:
         """Dispatcher for compiled callers only: uncached, without a Python wrapper."""
-        return _dispatcher(self.py_func, kept=False, **UNWRAPPED, **self.options)
+        return _dispatcher(self.py_func, cached=False, **UNWRAPPED, **self.options)
 
     @property
     def _numba_type_(self) -> Any:
@@ -113,32 +110,25 @@ def with_defaults(
         return made
     count = function.__code__.co_argcount
 
-    def call(*given: Any) -> Any:
-        lacking = count - len(given)
-        return made(*given, *(defaults[-lacking:] if lacking > 0 else ()))
+    def call(*arguments: Any) -> Any:
+        lacking = count - len(arguments)
+        return made(*arguments, *(defaults[-lacking:] if lacking > 0 else ()))
 
     return call
 
 
 def native_code(function: Callable[..., Any]) -> Callable[..., Any] | None:
     """Return the machine code of a function if it was made from the present sources."""
-    native = _native()
-    if native is None:
-        return None
-    stamps = dict(line.split() for line in native.STAMPS.splitlines())
     stamp = source_stamp(Path(function.__code__.co_filename))
-    if stamps.get(function.__module__) != stamp:
+    if _native_stamps().get(function.__module__) != stamp:
         return None
-    found: Callable[..., Any] | None = getattr(native, function.__name__, None)
+    found: Callable[..., Any] | None = getattr(_native(), function.__name__, None)
     return found
 
 
 def lacking() -> list[str]:
     """Return the modules with entries whose machine code is missing or out of date."""
-    native = _native()
-    told = "" if native is None else native.STAMPS
-    stamps = dict(line.split() for line in told.splitlines())
-    found = []
+    stamps, found = _native_stamps(), []
     for path in sorted(PACKAGE.rglob("*.py")):
         if "\n@entry" in path.read_text(encoding="utf-8"):
             parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
@@ -152,18 +142,24 @@ def is_native() -> bool:
     return _native() is not None
 
 
-def bound(function: Callable[..., Any], *told: Any) -> Callable[..., Any] | None:
+def bound(function: Callable[..., Any], *layout: Any) -> Callable[..., Any] | None:
     """Return the call of an entry with most arguments fixed; None without machine code.
 
-    ``told``: all arguments; those that vary per call; parts of the result. See ``bind``
-    in ``qpavoid/export/templates/extension.c``.
+    ``layout``: all arguments; those that vary per call; parts of the result. See
+    ``bind`` in ``qpavoid/export/templates/extension.c``.
     """
     native, name = _native(), function.__name__
     called, bind = getattr(native, name, None), getattr(native, "bind", None)
     if bind is None or function.call is not called:  # type: ignore[attr-defined]
         return None
-    made: Callable[..., Any] = bind(name, *told)
+    made: Callable[..., Any] = bind(name, *layout)
     return made
+
+
+def _native_stamps() -> dict[str, str]:
+    """Return the stamps of the sources of the extension module, by module."""
+    stamps = getattr(_native(), "STAMPS", "")
+    return dict(line.split() for line in stamps.splitlines())
 
 
 @cache
@@ -177,10 +173,6 @@ def _native() -> Any:
         return None
 
 
-def _compile(function: Callable[P, R], **options: bool) -> Callable[P, R]:
-    return Compiled(function, **options)
-
-
 STANDS_IN = (
     ". It replaces machine code that the package lacks, for example because it was "
     "built without a C compiler; see qpavoid doctor"
@@ -190,7 +182,7 @@ UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
 def _dispatcher(
-    function: Callable[..., Any], kept: bool = True, **options: bool
+    function: Callable[..., Any], cached: bool = True, **options: bool
 ) -> Any:
     try:
         import numba
@@ -201,9 +193,9 @@ def _dispatcher(
     _store_records()
     options = {name: value for name, value in options.items() if _is_option(name)}
     try:
-        dispatcher = numba.njit(cache=kept, nogil=True, **options)(function)
+        dispatcher = numba.njit(cache=cached, nogil=True, **options)(function)
         stamp = source_stamp(Path(function.__code__.co_filename))
-        if kept:
+        if cached:
             dispatcher._cache = _Cache(dispatcher._cache, stamp)
     except (AttributeError, RuntimeError) as why:  # numba: "no locator available"
         say(f"compiled code is not cached; each start compiles: {why}")
@@ -352,8 +344,8 @@ def _register_announcer() -> None:
                     flush=True,
                 )
             elif sys.stderr.isatty():
-                said = f"qpavoid: compiling function {self.count}"
-                print(said, end="\r", file=sys.stderr, flush=True)
+                text = f"qpavoid: compiling function {self.count}"
+                print(text, end="\r", file=sys.stderr, flush=True)
 
         def on_end(self, event: Any) -> None:
             pass

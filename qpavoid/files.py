@@ -34,7 +34,7 @@ MOST_ARRAYS = 300_000_000
 MOST_DEPTH = 32
 """Greatest depth of nested tables and lists."""
 
-MOST_SAID = 300
+MOST_MESSAGE = 300
 """Characters of a parser's message that an error repeats."""
 
 TRUST = "QPAVOID_TRUST_PATHS"
@@ -57,8 +57,8 @@ def reading(path: object, fault: str = "not readable") -> Iterator[None]:
     except MemoryError:
         raise DataError(f"{path}: {fault} (too large for the memory)") from None
     except Exception as error:
-        said = f"{error or type(error).__name__}"[:MOST_SAID]
-        raise DataError(f"{path}: {fault} ({said})") from None
+        message = f"{error or type(error).__name__}"[:MOST_MESSAGE]
+        raise DataError(f"{path}: {fault} ({message})") from None
 
 
 def open_file(path: Name, most: int = MOST_BYTES) -> BinaryIO:
@@ -194,10 +194,10 @@ def _array(content: bytes) -> "npt.NDArray[Any]":
     shape, by_column, kind = heads[version](file)
     if kind.kind not in "biufU" or min(shape, default=0) < 0:
         raise ValueError(f"holds {kind}, shape {shape}: neither numbers nor text")
-    wanted, left = math.prod(shape) * kind.itemsize, len(content) - file.tell()
-    if wanted != left:
-        raise ValueError(f"shape {shape} needs {wanted} bytes, where {left} are left")
-    if not wanted:
+    size, left = math.prod(shape) * kind.itemsize, len(content) - file.tell()
+    if size != left:
+        raise ValueError(f"shape {shape} needs {size} bytes, where {left} are left")
+    if not size:
         return np.zeros(shape, kind)
     array = np.frombuffer(content, kind, offset=file.tell())
     return array.reshape(shape, order="F" if by_column else "C")
@@ -224,10 +224,10 @@ def below(path: Path, *folders: Path) -> Path:
 
 
 @contextmanager
-def trusting(wanted: bool) -> Iterator[None]:
+def trusting(trusted: bool) -> Iterator[None]:
     """Let files name paths outside their folder for a while, in new processes too."""
     before = os.environ.get(TRUST, "")
-    os.environ[TRUST] = "1" if wanted else before
+    os.environ[TRUST] = "1" if trusted else before
     try:
         yield
     finally:

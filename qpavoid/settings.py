@@ -83,7 +83,7 @@ class Setting(NamedTuple):
         """Return the values of its keys, one per key."""
         return tuple(value) if self.many else (value,)
 
-    def wish(self, value: Any) -> str:
+    def requirement(self, value: Any) -> str:
         """Return the requirement that a value violates, or an empty string."""
         if self.choices:
             known = ", ".join(self.choices)
@@ -120,17 +120,19 @@ def declared(kind: type[Any]) -> tuple[Setting, ...]:
 def _setting(item: Any) -> Setting | None:
     """Return the declaration of a field; None if it is no setting."""
     hint, default = item.type, item.default
-    kind, *told = get_args(hint) if get_origin(hint) is Annotated else (hint,)
-    if not told and kind is not bool and get_origin(kind) is not Literal:
+    kind, *marks = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+    if not marks and kind is not bool and get_origin(kind) is not Literal:
         return None
     many = get_origin(kind) is tuple
-    units = [x for x in told if isinstance(x, str) and x != NO_KEY]
-    keys = next((x for x in told if type(x) is tuple), ("_".join([item.name, *units]),))
+    units = [x for x in marks if isinstance(x, str) and x != NO_KEY]
+    keys = next(
+        (x for x in marks if type(x) is tuple), ("_".join([item.name, *units]),)
+    )
     return Setting(
         item.name,
         get_args(kind)[0] if many else kind,
-        () if NO_KEY in told else keys,
-        next((x for x in told if isinstance(x, Range)), None),
+        () if NO_KEY in marks else keys,
+        next((x for x in marks if isinstance(x, Range)), None),
         ... if default is MISSING else default,
         many,
     )
@@ -158,8 +160,8 @@ def check(settings: Any, wants: str) -> None:
             want(isinstance(value, part), named)
     for setting in declared(type(settings)):
         value = getattr(settings, setting.name)
-        if wish := setting.wish(value):
-            raise InvalidInputError(f"{wants} {setting.name} {wish}, not {value!r}")
+        if required := setting.requirement(value):
+            raise InvalidInputError(f"{wants} {setting.name} {required}, not {value!r}")
     for first, sign, second in getattr(settings, "ORDERED", ()):
         holds = BOUNDS[sign](getattr(settings, first), getattr(settings, second))
         want(holds, f"{wants} {first} {sign} {second}")

@@ -109,3 +109,10 @@ def to_world(points: Array, pose: Pose) -> Array:
     x, y, heading = pose
     cos, sin = math.cos(heading), math.sin(heading)
     return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]) + np.array([x, y]))
+
+
+def relative(then: Pose, now: Pose) -> Pose:
+    """Return the pose ``now`` in the frame of the pose ``then``."""
+    x, y = now[0] - then[0], now[1] - then[1]
+    cos, sin = math.cos(then[2]), math.sin(then[2])
+    return cos * x + sin * y, cos * y - sin * x, wrap_angle(now[2] - then[2])

@@ -92,7 +92,7 @@ class Obstacles:
         sigmas = as_velocities(sigmas, len(discs), 1, "disc_sigmas")
         check_not_negative(discs[:, 2], "the radius of discs")
         check_not_negative(sigmas[:, 0], "disc_sigmas")
-        given = (
+        arrays = (
             discs,
             as_velocities(disc_velocities, len(discs), 2, "disc_velocities"),
             walls,
@@ -101,7 +101,7 @@ class Obstacles:
         turns = as_velocities(polygon_velocities, len(chains), 3, "polygon_velocities")
         object.__setattr__(self, "points", points.copy())
         object.__setattr__(
-            self, "capsules", as_table(len(points), given, chains, turns)
+            self, "capsules", as_table(len(points), arrays, chains, turns)
         )
         self.capsules[: len(discs), SIGMA] = sigmas[:, 0]
 
@@ -281,7 +281,7 @@ class Obstacles:
 
 def as_table(
     first: int,
-    given: tuple[Array, Array, Array, Array],
+    arrays: tuple[Array, Array, Array, Array],
     chains: list[Array],
     turns: Array,
 ) -> Array:
@@ -289,7 +289,7 @@ def as_table(
 
     Args:
         first: Number of the first obstacle.
-        given: Discs and walls, each with its velocities.
+        arrays: Discs and walls, each with its velocities.
         chains: Of each polygon its (n, 2) vertices, m.
         turns: (P, 3) velocities of the polygons.
 
@@ -297,13 +297,13 @@ def as_table(
         InvalidInputError: A polygon is not strictly convex and counter-clockwise.
     """
     corners = np.concatenate([NO_POINTS, *chains])
-    rows = len(given[0]) + len(given[2]) + len(corners)
+    rows = len(arrays[0]) + len(arrays[2]) + len(corners)
     capsules = np.empty((rows, CAPSULE_WIDTH))
     if rows == 0:  # imports must not need machine code
         return capsules
     sizes = np.array([len(one) for one in chains], dtype=np.float64)
     polygons = np.column_stack([sizes, turns])
-    wrong = fill_capsules(first, *given, corners, polygons, capsules)
+    wrong = fill_capsules(first, *arrays, corners, polygons, capsules)
     if wrong >= 0:
         why = why_not_convex(chains[wrong]) or "hardly turn"
         raise InvalidInputError(

@@ -1,4 +1,4 @@
-"""Prediction of moving discs: velocities for the coming seconds, by a given function.
+"""Prediction of moving discs: velocities for the coming seconds, by a plug-in.
 
 A *predictor* maps the recent positions of all moving discs to one velocity each, that
 of their motion over the coming seconds, and its standard deviation. The guide scores
@@ -13,9 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.model.capsules import RADIUS, SIGMA, V_X, V_Y, X1, Y1
-from qpavoid.model.kinematics import to_world
+from qpavoid.model.kinematics import relative, to_world
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.trail import relative
 from qpavoid.model.validation import finite_rows
 from qpavoid.settings import want
 from qpavoid.types import Array, Pose, Twist
@@ -103,8 +102,8 @@ class Prediction:
         positions = self._past[:, self._before]
         positions += self._share * (self._past[:, self._late] - positions)
         known = positions, self._velocities.copy(), discs[:, SIGMA], discs[:, RADIUS]
-        told = self._predict(Tracks(*known, pose, driven, world.chosen(~moving)))
-        found = finite_rows(told, 3, "what predict returns")
+        predicted = self._predict(Tracks(*known, pose, driven, world.chosen(~moving)))
+        found = finite_rows(predicted, 3, "what predict returns")
         want(len(found) == len(discs), "predict must return a row for every disc")
         want(bool((found[:, 2] >= 0.0).all()), "predict must not return a σ below 0")
         velocities = to_world(found[:, :2], (0.0, 0.0, -pose[2]))  # seen by the robot
@@ -118,8 +117,8 @@ class Prediction:
         if len(places) and len(self._past):
             there = self._past[:, 0] + self._dt * self._velocities
             away = np.hypot(*(places[:, None] - there).transpose(2, 0, 1))
-            nearest, own = away.argmin(axis=1), np.arange(len(places))
-            same = (away.argmin(axis=0)[nearest] == own) & (away.min(1) < SAME_DISC)
+            nearest, rows = away.argmin(axis=1), np.arange(len(places))
+            same = (away.argmin(axis=0)[nearest] == rows) & (away.min(1) < SAME_DISC)
             past[same, 1:] = self._past[nearest[same], :-1]
         past[:, 0] = places
         self._past, self._velocities = past, velocities

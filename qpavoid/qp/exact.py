@@ -63,7 +63,7 @@ class Projection(NamedTuple):
         z_2: √w_ω ω.
         first: Active half-plane, or −1.
         second: Another one, or −1.
-        wanted: If not found, the slack that the conflict requires, m/s.
+        required: If not found, the slack that resolves the conflict, m/s.
     """
 
     found: bool
@@ -71,7 +71,7 @@ class Projection(NamedTuple):
     z_2: float
     first: int
     second: int
-    wanted: float
+    required: float
 
 
 class Optimum(NamedTuple):
@@ -201,16 +201,16 @@ def nearest_point(rows: Rows, z_1: float, z_2: float, slack: float) -> Projectio
             # Parallel to this border: all of the line is allowed or nothing.
             if abs(rate) < PARALLEL:
                 if need > CONFLICT * (scale + abs(c)):
-                    wanted = slack_of_conflict(rows, worst, j, -1)
-                    return Projection(False, p_1, p_2, worst, j, wanted)
+                    required = slack_of_conflict(rows, worst, j, -1)
+                    return Projection(False, p_1, p_2, worst, j, required)
             elif rate > 0.0 and need / rate > low:
                 low, at_low = need / rate, j
             elif rate < 0.0 and need / rate < high:
                 high, at_high = need / rate, j
         # An empty interval: these three have no common point.
         if low > high + CONFLICT * (scale + abs(low)):
-            wanted = slack_of_conflict(rows, worst, at_low, at_high)
-            return Projection(False, p_1, p_2, at_low, at_high, wanted)
+            required = slack_of_conflict(rows, worst, at_low, at_high)
+            return Projection(False, p_1, p_2, at_low, at_high, required)
         t, second = 0.0, -1
         if t < low:
             t, second = low, at_low
@@ -223,25 +223,25 @@ def nearest_point(rows: Rows, z_1: float, z_2: float, slack: float) -> Projectio
 
 
 @compiled_once
-def least_slack(rows: Array, wanted: float, z_1: float, z_2: float) -> float:
-    """Return the least s ≥ ``wanted`` for which the half-planes intersect, m/s.
+def least_slack(rows: Array, required: float, z_1: float, z_2: float) -> float:
+    """Return the least s ≥ ``required`` for which the half-planes intersect, m/s.
 
-    ``wanted``: required by null rows and the first conflict; ``inf`` if no slack helps.
+    ``required``: slack of null rows and the first conflict; ``inf`` if no slack helps.
 
     Each conflict of three half-planes gives the slack that it requires, and the slack
     only grows, so no conflict recurs. The allowance for rounding doubles, so that
     :data:`ROUNDS` always suffice; two to five are usual.
     """
-    if not wanted < math.inf:
+    if not required < math.inf:
         return math.inf
-    slack, allowance = max(wanted, LEAST_SLACK), ALLOWANCE
+    slack, allowance = max(required, LEAST_SLACK), ALLOWANCE
     for _ in range(ROUNDS):
         nearest = nearest_point(rows, z_1, z_2, slack + allowance)
         if nearest.found:
             return slack
-        if not nearest.wanted < math.inf:
+        if not nearest.required < math.inf:
             break
-        slack = max(nearest.wanted, slack + allowance)
+        slack = max(nearest.required, slack + allowance)
         allowance *= 2.0
     return math.inf
 
@@ -279,7 +279,7 @@ def solve_exactly(rows: RowsWritten, terms: Terms, slack_tolerance: float) -> Op
     z_1, z_2 = terms.desired[0] * scale_v, terms.desired[1] * scale_omega
     p = nearest_point(rows, z_1, z_2, 0.0)
     if least > 0.0 or not p.found:
-        slack = least_slack(rows, max(least, p.wanted), z_1, z_2)
+        slack = least_slack(rows, max(least, p.required), z_1, z_2)
         if not slack < math.inf:
             return Optimum(False, 0.0, 0.0, slack, -1, -1)
         p = nearest_point(rows, z_1, z_2, relaxation(slack, slack_tolerance))

@@ -80,7 +80,7 @@ def required_slack(problem: FilterProblem) -> float:
     nearest = nearest_point(rows, z_1, z_2, 0.0)
     if nearest.found and least <= 0.0:
         return 0.0
-    return least_slack(rows, max(least, nearest.wanted), z_1, z_2)
+    return least_slack(rows, max(least, nearest.required), z_1, z_2)
 
 
 def exact_twist(problem: FilterProblem) -> tuple[float, float]:

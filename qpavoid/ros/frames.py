@@ -14,8 +14,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.transform import Transform
 from qpavoid.ros.messages import Poses, seconds
+from qpavoid.ros.transform import Transform
 from qpavoid.settings import want
 from qpavoid.types import Array, Pose
 

@@ -21,15 +21,15 @@ from qpavoid.avoidance.inputs import (
 from qpavoid.errors import InvalidInputError
 from qpavoid.guide.guide import Guide
 from qpavoid.model.footprint import Footprint
-from qpavoid.model.kinematics import to_world
+from qpavoid.model.kinematics import relative, to_world
 from qpavoid.model.obstacles import NO_OBSTACLES, Obstacles
 from qpavoid.model.robot import Robot
-from qpavoid.model.trail import Trail, relative
 from qpavoid.ros import messages, modes
 from qpavoid.ros.messages import UNREADABLE
 from qpavoid.ros.odometry import Odometry
 from qpavoid.ros.parameters import TF, GuardSetup, Wiring
 from qpavoid.ros.sensing import ORIGIN, Sensing
+from qpavoid.ros.trail import Trail
 from qpavoid.settings import want
 from qpavoid.types import Array, Pose, Twist
 

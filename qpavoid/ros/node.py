@@ -44,7 +44,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from qpavoid.avoidance.decision import Status
 from qpavoid.errors import QPAvoidError
-from qpavoid.model.trail import relative
+from qpavoid.model.kinematics import relative
 from qpavoid.ros.guard import Guard, GuardStep
 from qpavoid.ros.messages import NANOSECOND
 from qpavoid.ros.nav2 import Bond, FollowPathServer

@@ -3,7 +3,7 @@
 import numpy as np
 
 from qpavoid.model.robot import Limits
-from qpavoid.model.trail import Trail
+from qpavoid.ros.trail import Trail
 from qpavoid.types import Pose, Twist
 
 FASTER, SPARE = 1.5, np.array([0.1, 0.2])

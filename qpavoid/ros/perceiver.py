@@ -10,11 +10,11 @@ import numpy as np
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.obstacles import NO_OBSTACLES, Obstacles
 from qpavoid.model.robot import Robot
-from qpavoid.model.trail import Trail
-from qpavoid.model.transform import Transform
 from qpavoid.perception.perception import Explanation, Perception
 from qpavoid.perception.settings import STEEP, Lidar, NoEcho, PerceptionSettings
 from qpavoid.ros.messages import RANGE_ROUNDING, Fan, Sight
+from qpavoid.ros.trail import Trail
+from qpavoid.ros.transform import Transform
 from qpavoid.types import Array, Pose
 
 UPRIGHT = math.cos(math.radians(10.0))

@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 
 from qpavoid.model.footprint import Footprint, offset_outline
-from qpavoid.model.kinematics import to_world
+from qpavoid.model.kinematics import relative, to_world
 from qpavoid.model.obstacles import NO_OBSTACLES, NO_POINTS, Obstacles
-from qpavoid.model.trail import placed, relative
-from qpavoid.model.transform import Transform
 from qpavoid.ros import mask
 from qpavoid.ros.frames import Frames
 from qpavoid.ros.messages import READERS, Fan, Poses, Sight, Tracks
 from qpavoid.ros.odometry import Odometry
 from qpavoid.ros.parameters import GuardSetup, Wiring
 from qpavoid.ros.perceiver import Perceiver
+from qpavoid.ros.trail import placed
+from qpavoid.ros.transform import Transform
 from qpavoid.types import Array, Pose
 
 ORIGIN: Pose = (0.0, 0.0, 0.0)

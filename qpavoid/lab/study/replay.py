@@ -32,10 +32,9 @@ from qpavoid.lab.study.bags import BagWriter, Event, Recording
 from qpavoid.lab.study.style import BLUE, RED, SKY
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.model.footprint import Footprint
-from qpavoid.model.kinematics import to_world
+from qpavoid.model.kinematics import relative, to_world
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
-from qpavoid.model.trail import relative
 from qpavoid.ros.guard import Guard, GuardStep
 from qpavoid.ros.messages import read_twist, seconds
 from qpavoid.ros.parameters import (

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.kinematics import integrate
-from qpavoid.model.trail import MOST_POSES, Trail, placed, relative
-from qpavoid.model.transform import Transform
+from qpavoid.model.kinematics import integrate, relative
+from qpavoid.ros.trail import MOST_POSES, Trail, placed
+from qpavoid.ros.transform import Transform
 
 
 def compose(frame, pose):

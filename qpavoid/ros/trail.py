@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qpavoid.model.kinematics import arc, wrap_angle
+from qpavoid.model.kinematics import arc, relative, wrap_angle
 from qpavoid.types import Array, Pose, Twist
 
 MOST_POSES = 512
@@ -129,10 +129,3 @@ def placed(points: Array, poses: Array) -> Array:
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     x = poses[:, 0] + cos * points[:, 0] - sin * points[:, 1]
     return np.column_stack([x, poses[:, 1] + sin * points[:, 0] + cos * points[:, 1]])
-
-
-def relative(then: Pose, now: Pose) -> Pose:
-    """Return the pose ``now`` in the frame of the pose ``then``."""
-    x, y = now[0] - then[0], now[1] - then[1]
-    cos, sin = math.cos(then[2]), math.sin(then[2])
-    return cos * x + sin * y, cos * y - sin * x, wrap_angle(now[2] - then[2])

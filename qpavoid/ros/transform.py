@@ -28,16 +28,16 @@ class Transform(NamedTuple):
         Raises:
             InvalidInputError: Not finite, or the quaternion is 0.
         """
-        given = np.array([*place, *turn])
-        length = float(np.hypot.reduce(given[3:]))
-        want(bool(np.isfinite(given).all()) and length > 0.0, "a frame needs numbers")
-        x, y, z, w = given[3:] / length
+        numbers = np.array([*place, *turn])
+        length = float(np.hypot.reduce(numbers[3:]))
+        want(bool(np.isfinite(numbers).all()) and length > 0.0, "a frame needs numbers")
+        x, y, z, w = numbers[3:] / length
         axis, cross = (
             np.array([x, y, z]),
             np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]),
         )
         rotation = (w * w - axis @ axis) * np.eye(3) + 2.0 * np.outer(axis, axis)
-        return cls(rotation + 2.0 * w * cross, given[:3])
+        return cls(rotation + 2.0 * w * cross, numbers[:3])
 
     @classmethod
     def of_angles(cls, numbers: Sequence[float]) -> "Transform":
