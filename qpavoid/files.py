@@ -70,19 +70,13 @@ def open_file(path: Name, most: int = MOST_BYTES) -> BinaryIO:
     """
     # The open file itself is checked; without O_NONBLOCK a pipe would block here.
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-    file = os.fdopen(handle, "rb", closefd=True) if _is_regular(handle) else None
-    if file is None:
-        os.close(handle)
-        raise DataError(f"{path}: not a regular file")
-    size = os.fstat(handle).st_size
-    if size > most:
-        file.close()
-        raise DataError(f"{path}: {size:,} bytes, more than {most:,}")
-    return file
-
-
-def _is_regular(handle: int) -> bool:
-    return stat.S_ISREG(os.fstat(handle).st_mode)
+    status = os.fstat(handle)
+    regular = stat.S_ISREG(status.st_mode)
+    if regular and status.st_size <= most:
+        return os.fdopen(handle, "rb")
+    os.close(handle)
+    large = f"{status.st_size:,} bytes, more than {most:,}"
+    raise DataError(f"{path}: {large if regular else 'not a regular file'}")
 
 
 def read_bytes(path: Name, most: int = MOST_BYTES) -> bytes:

@@ -1,14 +1,12 @@
-"""The QP as a value: it can be inspected, saved, solved by any solver, certified."""
+"""The QP as a value: it can be inspected, solved by any solver, certified."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
-from os import PathLike
 
 import numpy as np
 import numpy.typing as npt
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.files import read_arrays, reading
 from qpavoid.qp.exact import (
     A_OMEGA,
     A_V,
@@ -125,22 +123,6 @@ class FilterProblem:
             scale=scale,
             table=table,
         )
-
-    def save(self, path: str | PathLike[str]) -> None:
-        """Write the problem as an ``.npz`` file."""
-        arrays = {field.name: getattr(self, field.name) for field in fields(self)}
-        np.savez(path, **arrays)
-
-    @classmethod
-    def load(cls, path: str | PathLike[str]) -> "FilterProblem":
-        """Read a problem that :meth:`save` wrote.
-
-        Raises:
-            DataError: The file is missing, damaged or no problem.
-        """
-        with reading(path, "not a readable problem"):
-            data = read_arrays(path)
-            return cls(**{n: data[n] for n in FIELDS}, n_hard=int(data["n_hard"]))
 
 
 @dataclass(frozen=True, eq=False)
