@@ -296,13 +296,15 @@ def as_table(
     Raises:
         InvalidInputError: A polygon is not strictly convex and counter-clockwise.
     """
-    corners = np.concatenate([NO_POINTS, *chains])
+    corners, polygons = NO_POINTS, NO_WALLS
+    if chains:
+        corners = np.concatenate(chains)
+        sizes = np.array([len(one) for one in chains], dtype=np.float64)
+        polygons = np.column_stack([sizes, turns])
     rows = len(arrays[0]) + len(arrays[2]) + len(corners)
     capsules = np.empty((rows, CAPSULE_WIDTH))
     if rows == 0:  # imports must not need machine code
         return capsules
-    sizes = np.array([len(one) for one in chains], dtype=np.float64)
-    polygons = np.column_stack([sizes, turns])
     wrong = fill_capsules(first, *arrays, corners, polygons, capsules)
     if wrong >= 0:
         why = why_not_convex(chains[wrong]) or "hardly turn"
