@@ -98,11 +98,22 @@ class Course(NamedTuple):
 
 @compiled_once
 def room_at_pose(scene: Scene, at: Frame, time: float, enough: float) -> Pair:
-    """Return the least margin of all bodies at a pose and time, m, and that less σt."""
+    """Return the least margin of all bodies at a pose and time, m, and that less σt.
+
+    Bodies are skipped by their circles, and by those of groups of points.
+    """
     least, radius = enough, limits_of(scene.robot).circumradius
-    surest = enough
-    for i in range(scene.bodies.shape[0]):
+    surest, i = enough, 0
+    while i < scene.bodies.shape[0]:
         body = scene.bodies[i]
+        i += 1
+        if body.group >= 0:
+            wall = scene.groups[body.group]
+            d_x, d_y = wall.x - at.x, wall.y - at.y
+            far = radius + wall.spread + max(least, surest)
+            if far <= 0.0 or d_x * d_x + d_y * d_y >= far * far:
+                i = wall.owner
+                continue
         d_x, d_y = body.x + time * body.v_x - at.x, body.y + time * body.v_y - at.y
         spread = min(body.sigma * time, MOST_SPREAD)
         far = radius + body.spread + max(least, surest + spread)

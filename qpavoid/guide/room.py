@@ -142,6 +142,8 @@ def _lower(
 ) -> None:
     """Lower the field to the distance from a segment less ``radius``, in place."""
     n, (x_1, y_1, x_2, y_2) = field.shape[0], axis
+    # Division and square root take longest; most obstacles are points.
+    is_point = axis.x1 == axis.x2 and axis.y1 == axis.y2
     wide = radius + ample + half
     first_i = max(math.ceil((min(x_1, x_2) - radius - ample + half) / GRID_PITCH), 0)
     last_i = min(math.floor((max(x_1, x_2) + wide) / GRID_PITCH), n - 1)
@@ -149,8 +151,13 @@ def _lower(
     last_j = min(math.floor((max(y_1, y_2) + wide) / GRID_PITCH), n - 1)
     for i in range(first_i, last_i + 1):
         for j in range(first_j, last_j + 1):
-            d_x, d_y = from_segment(axis, i * GRID_PITCH - half, j * GRID_PITCH - half)
-            field[i, j] = min(field[i, j], math.sqrt(d_x * d_x + d_y * d_y) - radius)
+            x, y = i * GRID_PITCH - half, j * GRID_PITCH - half
+            d_x, d_y = x - axis.x1, y - axis.y1
+            if not is_point:
+                d_x, d_y = from_segment(axis, x, y)
+            square, most = d_x * d_x + d_y * d_y, field[i, j] + radius
+            if most > 0.0 and square < most * most:
+                field[i, j] = math.sqrt(square) - radius
 
 
 @compiled_once

@@ -104,6 +104,9 @@ LOSS, DEMAND = 0.02, 0.02
 """m; margin that leaving a tight place may cost; increase of the required margin after
 each failure."""
 
+PER_CONTACT = 2 * BODY_SIZE
+"""Numbers of memory per contact: a body, and a group of points."""
+
 PAST_REFERENCE = 0.5
 """m in front of a robot that has passed its reference: target of the detour."""
 
@@ -138,7 +141,7 @@ class StageMemory(NamedTuple):
     """Memory of a step.
 
     Attributes:
-        bodies: :data:`BODY_SIZE` numbers per contact.
+        bodies: :data:`PER_CONTACT` numbers per contact.
         search: :func:`qpavoid.guide.way.search_size` numbers.
     """
 
@@ -164,11 +167,12 @@ class Stage(NamedTuple):
 
 @compiled_once
 def scene_of(stage: Stage, memory: Array, count: int, tracking: Tracking) -> Scene:
-    """Return the scene of a step with so many bodies, without memory for rollouts."""
+    """Return the scene of a step with so many bodies, without memory for arcs."""
     (edges, robot, settings), bodies = stage.setup, memory.view(BODY)
+    groups = bodies[bodies.shape[0] // 2 :]
     # fmt: off
     return Scene(edges, robot, settings, bodies[:count], tracking.driven, (0.0, 0.0),
-                 memory[:0].view(ARC), bodies[:0], tracking.dt, 0.0, math.inf)
+                 memory[:0].view(ARC), groups, tracking.dt, 0.0, math.inf)
     # fmt: on
 
 
@@ -202,7 +206,7 @@ def track_by_candidate(
     state[CHOICE_DUE] -= 1.0
     if state[CHOICE_DUE] < 0.5:
         state[CHOICE_DUE] = max(1.0, round(TICK / tracking.dt))
-        scene = scene_of(stage, memory, memory.shape[0] // BODY_SIZE, tracking)
+        scene = scene_of(stage, memory, memory.shape[0] // PER_CONTACT, tracking)
         count = bodies_in_reach(scene, obstacles, 0.0, s.horizon)
         scene = scene_of(stage, memory, count, tracking)
         if state[STILL] >= s.blocked_time and not any_moves(scene):
@@ -232,7 +236,7 @@ def _is_staged(
         return False
     fits: bool = memory.search.shape[0] >= search_size(s.reach)
     most = most_contacts(edges, obstacles)
-    return fits and memory.bodies.shape[0] >= most * BODY_SIZE
+    return fits and memory.bodies.shape[0] >= most * PER_CONTACT
 
 
 @entry_if(_is_staged)
@@ -414,8 +418,8 @@ class GuideStage:
         ) -> tuple[Progress, float, float]:
             nonlocal memory
             most = most_contacts(stage.setup.edges, obstacles.arrays)
-            if len(memory.bodies) < most * BODY_SIZE:
-                memory = memory._replace(bodies=np.empty(most * BODY_SIZE))
+            if len(memory.bodies) < most * PER_CONTACT:
+                memory = memory._replace(bodies=np.empty(most * PER_CONTACT))
             code, v, omega = guide_step(
                 stage, state, memory, obstacles.arrays, tracking
             )
@@ -427,7 +431,7 @@ class GuideStage:
 def stage_memory(contacts: int, settings: Settings) -> StageMemory:
     """Return memory for so many contacts; none to search without a stage."""
     many = search_size(settings["reach"].item()) if len(settings) else 0
-    return StageMemory(np.empty(contacts * BODY_SIZE), np.empty(many))
+    return StageMemory(np.empty(contacts * PER_CONTACT), np.empty(many))
 
 
 def fresh_stage() -> Array:

@@ -13,7 +13,6 @@ from typing import Any, get_args, get_type_hints
 
 import numpy as np
 
-from qpavoid.avoidance.bodies import BODY_SIZE
 from qpavoid.avoidance.decision import SENTENCES, STATUSES
 from qpavoid.avoidance.plan import fresh_state
 from qpavoid.avoidance.settings import (
@@ -28,7 +27,7 @@ from qpavoid.guide.geodesic import CELL
 from qpavoid.guide.rollout import ROWS, TICK
 from qpavoid.guide.room import OUTLINE_SPACING, outline
 from qpavoid.guide.settings import BACK_SPEED, GuideSettings
-from qpavoid.guide.stage import fresh_stage
+from qpavoid.guide.stage import PER_CONTACT, fresh_stage
 from qpavoid.guide.state import NO_PATH
 from qpavoid.lab.play.program import Program
 from qpavoid.lab.scenario.config import find_config, read_document
@@ -96,7 +95,7 @@ def place(layout: np.dtype[Any], field: str) -> int:
 SIZES = {
     "state": len(fresh_state()),
     "stage": fresh_stage().tolist(),
-    "body": BODY_SIZE,
+    "body": PER_CONTACT,
     "contact": CONTACT_SIZE,
     "ahead": ROWS,
     "tick": TICK,
