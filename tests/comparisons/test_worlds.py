@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import rows
 from crowd_contacts import PERSON, Crowd, Task, own_clearance
 from qpavoid.errors import DataError
 from qpavoid.lab.scenario.scenario import make_scenario
@@ -76,6 +77,22 @@ def test_the_optimal_time_is_that_of_the_published_path(data_folder):
     path = np.vstack([ends[:1], 0.15 * cells + (-4.575, 5.075), ends[1:]])
     expected = np.hypot(*np.diff(path, axis=0).T).sum() / 2.0
     assert optimal_time(0, data_folder) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("study", ["barn", "barn_wheels"])
+def test_the_committed_metric_is_that_of_the_rows(data_folder, study):
+    for method, runs in rows.read_runs(study).items():
+        for setting in {place[0] for place in runs}:
+            ends = {int(k[1]): run for k, run in runs.items() if k[0] == setting}
+            values = [
+                metric(
+                    {"success": not run.end, "arrived_s": run.time},
+                    optimal_time(world, data_folder),
+                )
+                for world, run in ends.items()
+            ]
+            kept = rows.read_costs()[study, setting, method][2]
+            assert np.mean(values) == pytest.approx(kept, abs=2e-3), (setting, method)
 
 
 def test_own_clearance_is_that_of_a_fine_look():
