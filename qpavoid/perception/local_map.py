@@ -204,28 +204,10 @@ def clear_robot(cells: Table, centre: Cell, radius: float, now: Moment) -> None:
                 see_through(cell, now)
 
 
-class Beam(NamedTuple):
-    """A beam that is free over a length.
-
-    Attributes:
-        x: Of the sensor, m.
-        y: Of it.
-        cos: Of its direction.
-        sin: Of it.
-        length: m.
-    """
-
-    x: float
-    y: float
-    cos: float
-    sin: float
-    length: float
-
-
 @compiled_once
-def trace(cells: Table, beam: Beam, centre: Cell, now: Moment) -> None:
-    """See through every cell that a beam crosses, one by one [Amanatides1987]."""
-    x, y, limit = beam.x / CELL, beam.y / CELL, beam.length / CELL
+def trace(cells: Table, beam: Row, length: float, centre: Cell, now: Moment) -> None:
+    """See through the cells along a length (m) of a beam [Amanatides1987]."""
+    x, y, limit = beam.from_x / CELL, beam.from_y / CELL, length / CELL
     i, j = math.floor(x), math.floor(y)
     right, up = 1 if beam.cos > 0.0 else -1, 1 if beam.sin > 0.0 else -1
     per_x = abs(1.0 / beam.cos) if beam.cos != 0.0 else math.inf

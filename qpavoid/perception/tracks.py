@@ -1,9 +1,9 @@
 """Tracks: bodies followed from scan to scan by a Kalman filter with constant velocity.
 
-The filter is that of :mod:`qpavoid.model.estimate`: white acceleration, one covariance
-(P_pp, P_pv, P_vv) for both axes. A track is *confirmed*, and then a moving obstacle,
-once it was seen in several scans, in ever-free space or after it left the place where
-it began, and has moved farther and faster than noise explains.
+The acceleration is white; one covariance (P_pp, P_pv, P_vv) holds for both axes. A
+track is *confirmed*, and then a moving obstacle, once it was seen in several scans, in
+ever-free space or after it left the place where it began, and has moved farther and
+faster than noise explains.
 """
 
 import math
@@ -38,7 +38,7 @@ class Followed(NamedTuple):
         fast: Scans in a row in which its speed exceeded its uncertainty.
         confirmed: 1: it is a moving obstacle.
         passed: Scans in a row that saw through it.
-        name: Number of the track; −1: none yet.
+        name: Number of the track.
         parts: Segments given to it in this scan.
         narrow: 1: the first of them is narrower than a body.
     """
@@ -377,7 +377,7 @@ def begin_tracks(
         p_pp, z = s.sigma**2, 0.0
         # fmt: off
         tracks[count] = Followed(x, y, z, z, p_pp, z, 1.0, time, x, y, s.extent, z, 1.0,
-                                 z, 1, 0, 0, 0, -1, 0, 0)
+                                 z, 1, 0, 0, 0, 0, 0, 0)
         # fmt: on
         count += 1
     return count

@@ -17,7 +17,6 @@ from qpavoid.perception.local_map import (
     CELL_SIZE,
     CELL_STATE,
     SIDE,
-    Beam,
     Cell,
     Moment,
     cell_of,
@@ -312,12 +311,10 @@ def track(memory: Memory, view: View, centre: Cell, now: Moment, model: Model) -
     claim(view, segments, tracks, count, model.radius)
     claim_around(view, tracks, count, cells, centre, now.time)
     count = drop_lost(view, tracks, count, now.time)
-    count = begin_tracks(tracks, count, segments, found, now.time)
-    for a in range(count):
-        if tracks[a].name < 0:
-            tracks[a].name = state.names
-            state.names += 1
-    state.tracks = count
+    state.tracks = begin_tracks(tracks, count, segments, found, now.time)
+    for a in range(count, state.tracks):
+        tracks[a].name = state.names
+        state.names += 1
 
 
 @compiled_once
@@ -349,9 +346,7 @@ def enter_scan(
         free = min(free_length(rows[left], sensor), free_length(rows[right], sensor))
         free = min(free, free_length(rows[k], sensor)) - ECHO_MARGIN
         if free > 0.0:
-            one = rows[k]
-            beam = Beam(one.from_x, one.from_y, one.cos, one.sin, free)
-            trace(cells, beam, centre, now)
+            trace(cells, rows[k], free, centre, now)
 
 
 @compiled
