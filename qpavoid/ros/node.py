@@ -5,9 +5,9 @@ Role ``filter``: ``cmd_vel_in`` → ``cmd_vel_out``. Role ``guide``: ``goal_pose
 ``blocked``. Sensors are named by :class:`qpavoid.ros.parameters.Wiring`; an Empty on
 ``~/acknowledge`` opens the latch. Further outputs are in ``SafetyNode.OUTPUTS``.
 
-A twist is published when a scan arrives and ``dt_s`` has passed since the last one, and
-without a scan after ``dt_s`` (1 + ``actuation.jitter``): without commands the robot
-evades, too. While the node is not active it publishes none.
+A twist is published when a scan arrives, but not before ``dt_s`` has passed since the
+last one; without a scan after ``dt_s`` (1 + ``actuation.jitter``): without commands the
+robot evades, too. While the node is not active it publishes none.
 """
 
 import gc
@@ -191,7 +191,6 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish twists from now on; the robot stands until all inputs are valid."""
-        longest = self._wiring.dt_s * (1.0 + self._values["actuation.jitter"])
         if self._wiring.bond_heartbeat_period > 0.0:
             try:
                 self._bond = Bond(self, self._wiring.bond_heartbeat_period)
@@ -200,7 +199,8 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
                 return TransitionCallbackReturn.FAILURE
         gc.collect()
         gc.freeze()  # a full collection of all that exists now takes 30 ms
-        self._timer = self.create_timer(longest, self._step, None, self._steady)
+        dt = self._wiring.dt_s
+        self._timer = self.create_timer(dt, self._step, None, self._steady)
         return SUCCESS
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -249,8 +249,14 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         if topic in self._wiring.scans:
             self._arrival = steady
             if self._timer is not None and steady >= self._due:
-                self._timer.reset()
                 self._step()
+            elif self._timer is not None:
+                self._wait(self._due - steady)
+
+    def _wait(self, time: float) -> None:
+        """Let the timer start the next step after a time, s."""
+        self._timer.timer_period_ns = round(time / NANOSECOND)
+        self._timer.reset()
 
     def _step(self) -> None:
         """Do a control step; on any exception the robot brakes."""
@@ -258,6 +264,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         if guard is None:
             return
         self._due = steady + self._wiring.dt_s
+        self._wait(self._wiring.dt_s * (1.0 + guard.setup.settings.actuation.jitter))
         measured = self._wiring.driven_from_odometry or guard.wiring.role == "guide"
         driven = guard.odometry.trail.twist if measured else None
         try:
