@@ -94,11 +94,11 @@ class Frames:
         up, down = self._above(_name(base)), self._above(_name(frame))
         shared = [name for name in down if name in up]
         if not shared:
-            said = f"unknown frame {frame!r}: it is neither in frames nor in tf"
+            problem = f"unknown frame {frame!r}: it is neither in frames nor in tf"
             known = sorted({*self._links, *self._named})
             refused = [self._refused[n] for n in (*down, *up) if n in self._refused]
-            said = f"{said} on {base!r}; known: {', '.join(known) or 'none'}"
-            raise InvalidInputError("; ".join([said, *refused]))
+            problem = f"{problem} on {base!r}; known: {', '.join(known) or 'none'}"
+            raise InvalidInputError("; ".join([problem, *refused]))
         there = self._on(down[: down.index(shared[0])], time)
         here = self._on(up[: up.index(shared[0])], time)
         rotation = here.rotation.T @ there.rotation

@@ -80,8 +80,8 @@ class GuardStep(NamedTuple):
         notes = [f"{name}: {note}." for name, note in self.notes.items()]
         if self.decision is not None:
             return " ".join([self.decision.status.sentence, *notes])
-        told = [f"{name}: {why}. {why.sentence}" for name, why in self.faults.items()]
-        return " ".join([*(told or [WAITING]), *notes])
+        causes = [f"{name}: {why}. {why.sentence}" for name, why in self.faults.items()]
+        return " ".join([*(causes or [WAITING]), *notes])
 
 
 class Guard:
@@ -320,8 +320,8 @@ class Guard:
             asked = self._asked(modes.Request(step.desired, seen), pose)
             if asked is None:
                 assert self.guide is not None
-                told: Any = {"age": age, "driven": self.driven, "on_error": "raise"}
-                decision = self.guide.step(pose, seen, **told)
+                options: Any = {"age": age, "driven": self.driven, "on_error": "raise"}
+                decision = self.guide.step(pose, seen, **options)
             else:
                 wanted, seen, note = asked
                 decision = self.safety.filter(*wanted, seen, age=age, driven=driven)
@@ -399,8 +399,8 @@ class Guard:
         self.driven = v, omega
         return step._replace(v=v, omega=omega)
 
-    def _note(self, topic: str, said: str) -> None:
-        self._notes[topic] = self.errors[topic] = said
+    def _note(self, topic: str, finding: str) -> None:
+        self._notes[topic] = self.errors[topic] = finding
 
     def _judge(self, topic: str, fault: Fault, why: object) -> Fault:
         self._note(topic, str(why))

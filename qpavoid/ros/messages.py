@@ -183,9 +183,9 @@ def _angles(message: Any, ranges: Array) -> tuple[float, float, float]:
         return first, step, 0.0
     want(step != 0.0, "a scan needs an angle_increment")
     last = first + step * (many - 1)
-    told = float(getattr(message, "angle_max", 0.0)) or last  # 0: not filled in
-    said = f"angle_max is {told:.4g} rad, but {many} beams end at {last:.4g} rad"
-    want(abs(told - last) <= MOST_ENDS_OFF * abs(step), said)
+    given = float(getattr(message, "angle_max", 0.0)) or last  # 0: not filled in
+    problem = f"angle_max is {given:.4g} rad, but {many} beams end at {last:.4g} rad"
+    want(abs(given - last) <= MOST_ENDS_OFF * abs(step), problem)
     span = float(getattr(message, "time_increment", 0.0)) * (many - 1)
     whole = float(getattr(message, "scan_time", 0.0))
     fits = abs(span) <= MOST_SPAN and not 0.0 < whole * MOST_TURNS < abs(span)

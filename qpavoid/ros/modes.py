@@ -1,7 +1,7 @@
 """Tasks of the guide role; modes of the filter role, which change its inputs.
 
 - ``command``: nothing is changed.
-- ``teleop``: where the way ahead is not free, the guide follows a line in the
+- ``teleop``: where the path ahead is not free, the guide follows a line in the
   operator's direction: round static obstacles, and slower for people.
 - ``dock``: static obstacles in the dock's region are exempt; the speed is limited.
 - ``follow``: one person is exempt, and kept at a distance.
@@ -32,7 +32,7 @@ place; half the angle in which the nearest person is looked for."""
 
 LINE = 3.0
 AHEAD = np.array([(0.0, 0.0), (LINE, 0.0)])
-"""m; length of the way ahead in ``teleop``, and its ends in the robot frame."""
+"""m; length of the path ahead in ``teleop``, and its ends in the robot frame."""
 
 LEAST_STRAIGHT, ANEW, BACK_GAIN = 0.05, 0.25, 1.5
 """m/s and rad/s, above and below which an operator drives straight ahead; m or m/s of
@@ -107,10 +107,10 @@ def docking(asked: Request, at: Pose, region: Footprint, speed: float) -> Reques
 
 
 def is_free(seen: Obstacles, footprint: Footprint, turn: float, keep: float) -> bool:
-    """Return whether the way ahead of a robot is free for :data:`LINE`.
+    """Return whether the path ahead of a robot is free for :data:`LINE`.
 
     That is the width of the robot and ``keep`` (m) on both sides, in a direction to the
-    left by ``turn``, rad. A moving obstacle within that distance is in the way.
+    left by ``turn``, rad. A moving obstacle within that distance is on it.
     """
     x, y = to_world(middles(seen), (0.0, 0.0, -turn)).T
     count, (front, wide) = len(seen.points), footprint.vertices.max(axis=0)
@@ -219,8 +219,8 @@ class Teleop:
     def step(self, asked: Request, pose: Pose) -> Request | None:
         """Return the changed command; None where the guide is to drive.
 
-        That is where the way in the operator's direction is not free, along a line from
-        the robot. ``pose``: of the robot, odometry frame.
+        That is where the path in the operator's direction is not free, along a line
+        from the robot. ``pose``: of the robot, odometry frame.
         """
         (v, omega), (x, y, heading) = asked.desired, pose
         if v < LEAST_STRAIGHT or abs(omega) > LEAST_STRAIGHT:
@@ -283,8 +283,8 @@ class Follow:
         gap = float(Contacts.of(self._footprint, person).distance.min())
         if gap < 0.5 * away:
             return asked._replace(note="the followed person is near: an obstacle")
-        way = discs[k] / max(math.hypot(*discs[k]), TINY)
-        leaves = max(float(velocities[k] @ way), 0.0)
+        towards = discs[k] / max(math.hypot(*discs[k]), TINY)
+        leaves = max(float(velocities[k] @ towards), 0.0)
         most = max(leaves + (gap - away) / FOLLOW_TIME, 0.0)
-        slow = min(v, most / max(float(way[0]), LEAST_AHEAD))
+        slow = min(v, most / max(float(towards[0]), LEAST_AHEAD))
         return Request((slow, omega), seen.chosen(~row), f"a person {gap:.1f} m away")

@@ -88,8 +88,8 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         self._values = {k: self._own(k, x) for k, x in defaults(self._robot).items()}
         self.add_on_set_parameters_callback(self._on_parameters)
         self._guard: Guard | None = None
-        self._heard: list[Any] = []
-        self._said: dict[str, Any] = {}
+        self._inputs: list[Any] = []
+        self._outputs: dict[str, Any] = {}
         self._action: FollowPathServer | None = None
         self._bond: Bond | None = None
         self._timer: Any = None
@@ -100,12 +100,12 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
 
     def _own(self, name: str, default: Any, fixed: bool = False) -> Any:
         """Declare a parameter and return its value."""
-        told = ParameterDescriptor(read_only=fixed)
+        descriptor = ParameterDescriptor(read_only=fixed)
         if not isinstance(default, tuple):
-            return self.declare_parameter(name, default, told).value
+            return self.declare_parameter(name, default, descriptor).value
         numbers = name in ("frame_poses", "mask_boxes_m", "dock_m")
         kind = Parameter.Type.DOUBLE_ARRAY if numbers else Parameter.Type.STRING_ARRAY
-        given = self.declare_parameter(name, kind, told).value
+        given = self.declare_parameter(name, kind, descriptor).value
         return default if given is None else tuple(filter(lambda x: x != "", given))
 
     @property
@@ -138,7 +138,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             warm(Guard(setup, self._wiring))
             guard = Guard(setup, self._wiring)
             if self._wiring.tf or self._wiring.odometry == TF:
-                self._hear_frames(guard)
+                self._listen_to_frames(guard)
         except (QPAvoidError, ImportError) as error:
             self.get_logger().error(str(error))
             return TransitionCallbackReturn.FAILURE
@@ -148,27 +148,27 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         twist = TwistStamped if self._wiring.stamped else Twist
         for name, kind in wiring.topics.items():
             if name != TF:
-                self._hear(KINDS[kind], name, partial(self._on_input, name), NEWEST)
-        self._hear(Empty, "~/acknowledge", lambda _: guard.inputs.latch.acknowledge())
+                self._listen(KINDS[kind], name, partial(self._on_input, name), NEWEST)
+        self._listen(Empty, "~/acknowledge", lambda _: guard.inputs.latch.acknowledge())
         if wiring.footprint:
-            self._hear(PolygonStamped, wiring.footprint, guard.outline)
-        said = {"cmd_vel_out": twist} | {k: x for k, (x, _) in self.OUTPUTS.items()}
+            self._listen(PolygonStamped, wiring.footprint, guard.outline)
+        outputs = {"cmd_vel_out": twist} | {k: x for k, (x, _) in self.OUTPUTS.items()}
         if wiring.role == "guide":
-            said["blocked"] = Bool
+            outputs["blocked"] = Bool
             for name, task in TASKS.items():
-                self._hear(task, name, partial(self._on_task, name))
+                self._listen(task, name, partial(self._on_task, name))
             try:
                 self._action = FollowPathServer(self, guard)
             except ImportError as error:
                 self.get_logger().info(f"no action follow_path: {error}")
         else:
             take = lambda m: guard.command(m, *self._now())  # noqa: E731
-            self._hear(twist, "cmd_vel_in", take)
-        self._said = {k: self.create_publisher(x, k, 1) for k, x in said.items()}
+            self._listen(twist, "cmd_vel_in", take)
+        self._outputs = {k: self.create_publisher(x, k, 1) for k, x in outputs.items()}
         return SUCCESS
 
-    def _hear(self, kind: Any, name: str, call: Any, qos: Any = 1) -> None:
-        self._heard.append(self.create_subscription(kind, name, call, qos))
+    def _listen(self, kind: Any, name: str, call: Any, qos: Any = 1) -> None:
+        self._inputs.append(self.create_subscription(kind, name, call, qos))
 
     def _on_task(self, kind: str, message: Any) -> None:
         """Give a task to the guide; a refused one is logged."""
@@ -180,14 +180,14 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         elif self._action is not None:
             self._action.end(f"replaced by {kind}")
 
-    def _hear_frames(self, guard: Guard) -> None:
+    def _listen_to_frames(self, guard: Guard) -> None:
         """Subscribe to tf, whose messages come with ROS."""
         from tf2_msgs.msg import TFMessage
 
         moved = lambda m: guard.transforms(m, *self._now())  # noqa: E731
-        self._hear(TFMessage, TF, moved, MANY)
+        self._listen(TFMessage, TF, moved, MANY)
         fixed = partial(guard.sensing.frames.add, fixed=True)
-        self._hear(TFMessage, "/tf_static", fixed, LATCHED)
+        self._listen(TFMessage, "/tf_static", fixed, LATCHED)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish twists from now on; the robot stands until all inputs are valid."""
@@ -212,13 +212,13 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Reset all but the parameters."""
-        for heard in self._heard:
-            self.destroy_subscription(heard)
-        for publisher in self._said.values():
+        for one in self._inputs:
+            self.destroy_subscription(one)
+        for publisher in self._outputs.values():
             self.destroy_publisher(publisher)
         if self._action is not None:
             self._action.destroy()
-        self._heard, self._said, self._guard, self._action = [], {}, None, None
+        self._inputs, self._outputs, self._guard, self._action = [], {}, None, None
         return SUCCESS
 
     def _stop(self) -> None:
@@ -276,17 +276,17 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         if self._arrival > self._answered:
             self._latency.append(self._now()[1] - self._arrival)
             self._answered = self._arrival
-        if "blocked" in self._said and step.decision is not None:
+        if "blocked" in self._outputs and step.decision is not None:
             blocked = step.decision.status is Status.BLOCKED
-            self._said["blocked"].publish(Bool(data=blocked))
+            self._outputs["blocked"].publish(Bool(data=blocked))
         if self._action is not None:
             self._action.step(step)
         state = f"{step.faults} {step.decision and step.decision.status}"
         if state != self._state or steady - self._shown >= SHOWN_EVERY:
             self._shown, self._state = steady, state
             for name, (_, make) in self.OUTPUTS.items():
-                if self._said[name].get_subscription_count():
-                    self._said[name].publish(make(self, guard, step))
+                if self._outputs[name].get_subscription_count():
+                    self._outputs[name].publish(make(self, guard, step))
 
     def _bounds(self, guard: Guard, step: GuardStep) -> PoseArray:
         """Return the obstacle points whose constraints bound a step."""
@@ -320,7 +320,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         message = self._on_base(TwistStamped()) if stamped else Twist()
         twist = message.twist if stamped else message
         twist.linear.x, twist.angular.z = v, omega
-        self._said["cmd_vel_out"].publish(message)
+        self._outputs["cmd_vel_out"].publish(message)
 
     def _status(self, guard: Guard, step: GuardStep) -> DiagnosticStatus:
         """Return a step as a status of diagnostics."""

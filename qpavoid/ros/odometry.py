@@ -50,11 +50,11 @@ class Odometry:
         """
         by_poses = np.clip(self.trail.twist_to(stamp, pose), *self._fastest)
         self._filled |= np.array(twist) != 0.0
-        told, self.pose = np.where(self._filled, twist, by_poses), pose
-        near = np.clip(told, *(FASTER * self._fastest + (-SPARE, SPARE)))
+        measured, self.pose = np.where(self._filled, twist, by_poses), pose
+        near = np.clip(measured, *(FASTER * self._fastest + (-SPARE, SPARE)))
         self.trail.record(stamp, pose, (float(near[0]), float(near[1])))
         off, path = self.trail.drift()
-        if (near == told).all() and (np.abs(off) <= SLIP * path + SPARE).all():
+        if (near == measured).all() and (np.abs(off) <= SLIP * path + SPARE).all():
             return ""
         self.trail.twist = float(by_poses[0]), float(by_poses[1])
-        return f"its twist is {told} (m/s, rad/s), that of its poses {by_poses}"
+        return f"its twist is {measured} (m/s, rad/s), that of its poses {by_poses}"

@@ -264,14 +264,14 @@ def setup_of(values: Mapping[str, Any], robot: Robot, dt: float) -> GuardSetup:
 
 def _made(table: str, values: Mapping[str, Any], **given: Any) -> Any:
     """Return the settings of a table."""
-    told = {}
+    found = {}
     for setting in declared(TABLES[table]):
         keys = [f"{table}.{key}" for key in setting.keys]
         if keys:
-            told[setting.name] = (
+            found[setting.name] = (
                 tuple(values[k] for k in keys) if setting.many else values[keys[0]]
             )
     try:
-        return TABLES[table](**told, **given)
+        return TABLES[table](**found, **given)
     except InvalidInputError as error:
         raise InvalidInputError(f"{table}: {error}") from None

@@ -78,14 +78,14 @@ class Perceiver:
         """
         if seen.stamp < self._latest - SETBACK:
             self.forget()
-        self._latest, values, said = max(self._latest, seen.stamp), None, ""
+        self._latest, values, note = max(self._latest, seen.stamp), None, ""
         model, fan = self.settings, seen.fan
         upright = abs(place.rotation[2, 2]) >= UPRIGHT
         if fan is not None and upright and len(fan.ranges) <= turn_of(fan) + 1:
             lidar, values = planar(fan, place, model)
             many = self._beams.setdefault(topic, len(values))
             if many != len(values):
-                said = f"{len(values)} beams, {many} before: it counts as a new sensor"
+                note = f"{len(values)} beams, {many} before: it counts as a new sensor"
             self._beams[topic] = len(values)
         else:
             x, y = place.translation[:2].tolist()
@@ -93,7 +93,7 @@ class Perceiver:
         if self.perception is None:
             self.perception = Perception(self.robot, {topic: lidar}, model)
         known = self.perception.lidars.get(topic)
-        if known is None or said or not is_same(known, lidar):
+        if known is None or note or not is_same(known, lidar):
             self.perception.set_lidar(topic, lidar)
         pose = trail.at(seen.stamp)
         v, omega = trail.twist_to(seen.stamp, pose).tolist()
@@ -104,7 +104,7 @@ class Perceiver:
         except InvalidInputError as error:
             return f"its echoes count as at rest: {error}"
         self.taken.add(topic)
-        return said
+        return note
 
     def obstacles(self, now: float, pose: Pose) -> Obstacles:
         """Return the obstacles at a time (s) and pose by odometry, robot frame."""

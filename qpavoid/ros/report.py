@@ -32,7 +32,7 @@ CORNERS = 16
 """Of a drawn circle."""
 
 FORESEEN = 1.0
-"""s; a velocity is drawn as the way in that time, its σ as a circle about the end."""
+"""s; a velocity is drawn as the path in that time, its σ as a circle about the end."""
 
 
 class Drawing(NamedTuple):
@@ -84,9 +84,9 @@ def diagnose(
     values["mode"] = guard.setup.drive.mode
     for name, age in step.ages.items():
         refused = guard.inputs.watches[name].refused.items()
-        said = ", ".join(f"{n} {why}" for why, n in refused if n) or "none"
+        reasons = ", ".join(f"{n} {why}" for why, n in refused if n) or "none"
         state = step.faults.get(name, "fresh")
-        values[name] = f"{state}, {age:.3g} s old; refused: {said}"
+        values[name] = f"{state}, {age:.3g} s old; refused: {reasons}"
     values |= {f"{name} error": error for name, error in guard.errors.items()}
     return level, values
 
@@ -103,7 +103,7 @@ def markers(guard: Guard, step: GuardStep) -> list[Drawing]:
     )
     body = (0.8, 0.1, 0.1, 1.0) if brakes else (0.1, 0.4, 0.8, 1.0)
     made = Setup.of(robot, settings)
-    way = places_of(made, plan, (step.v, step.omega), DRAWN_EVERY)
+    path = places_of(made, plan, (step.v, step.omega), DRAWN_EVERY)
     return [
         Drawing("footprint", sides(footprint.outlines), body, pairs=True),
         Drawing("zone of slow obstacles", slow, (0.9, 0.6, 0.0, 0.8), pairs=True),
@@ -111,7 +111,7 @@ def markers(guard: Guard, step: GuardStep) -> list[Drawing]:
         Drawing(
             "active contacts", held.reshape(-1, 2), (0.9, 0.0, 0.0, 1.0), pairs=True
         ),
-        Drawing("plan", way, (0.0, 0.6, 0.3, 1.0)),
+        Drawing("plan", path, (0.0, 0.6, 0.3, 1.0)),
         *movers(step, guard.sensing.perceiver.explain()),
     ]
 
@@ -153,12 +153,12 @@ def bounds(footprint: Footprint, step: GuardStep) -> tuple[Array, list[str]]:
     contacts = Contacts.of(footprint, seen)
     rows = np.flatnonzero(np.isin(contacts.obstacle, active))
     start, gaps = contacts.point[rows], contacts.distance[rows]
-    end, said = start + gaps[:, None] * contacts.normal[rows], []
+    end, sentences = start + gaps[:, None] * contacts.normal[rows], []
     speeds = np.append(np.zeros(len(seen.points)), seen.speeds[seen.starts])
     for number, gap, (x, y) in zip(contacts.obstacle[rows], gaps, end, strict=True):
         kind = "moving" if speeds[number] > 0.0 else "static"
-        said.append(f"{kind} obstacle at {x:.2f}, {y:.2f} m, {gap:.3f} m away")
-    return np.stack([start, end], axis=1).reshape(-1, 2), said
+        sentences.append(f"{kind} obstacle at {x:.2f}, {y:.2f} m, {gap:.3f} m away")
+    return np.stack([start, end], axis=1).reshape(-1, 2), sentences
 
 
 def warm(guard: Guard) -> None:

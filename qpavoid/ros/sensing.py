@@ -103,7 +103,7 @@ class Sensing:
             self._tracked = self._tracks(seen)
         else:
             seen = self._begun(topic, seen, now)
-            blind = self._look(topic, seen, posed)
+            blind = self._process(topic, seen, posed)
         if not blind:
             self.stamps[topic] = seen.stamp
         return blind
@@ -146,7 +146,7 @@ class Sensing:
             latest = seen.stamp - seen.fan.span
         return seen._replace(stamp=min(seen.stamp, latest))
 
-    def _look(self, topic: str, seen: Sight, posed: bool) -> str:
+    def _process(self, topic: str, seen: Sight, posed: bool) -> str:
         """Store the echoes of a sensor, and enter them into the map; see :meth:`read`.
 
         Learns and removes the robot's own points, marks unknown sectors. Beams that end
@@ -189,9 +189,9 @@ class Sensing:
         self.perceiver.taken.discard(topic)
         if posed and self._setup.perception.enabled:
             around = seen._replace(points=flat[~(own | inside)])
-            said = self.perceiver.take(topic, around, place, trail)
-            if said:
-                self._note(topic, said)
+            note = self.perceiver.take(topic, around, place, trail)
+            if note:
+                self._note(topic, note)
         return ""
 
     def _frozen(self, topic: str, seen: Sight, posed: bool) -> str:
@@ -233,16 +233,16 @@ class Sensing:
         self._unknown[topic] = bound[np.sort(first)]
         width = math.degrees(abs(fan.step) * beams.sum())
         bearing = math.degrees(math.atan2(*added[len(added) // 2, ::-1]))
-        said = f"some {width:.0f} degrees are unknown, as at {round(bearing, -1):g}"
-        self._note(topic, said)
+        note = f"some {width:.0f} degrees are unknown, as at {round(bearing, -1):g}"
+        self._note(topic, note)
 
     @property
     def _away(self) -> float:
         """Distance of a border from the outline, m: required, and to stop."""
         s, speed, kept = self._setup.settings, abs(self._driven[0]), self._setup.keep
-        way = speed * (s.dt + s.actuation.delay)
-        way += 0.5 * speed * speed / self._setup.robot.limits.acceleration
-        return kept + max(0.5 * kept, LEAST_AWAY) + way
+        stopping = speed * (s.dt + s.actuation.delay)
+        stopping += 0.5 * speed * speed / self._setup.robot.limits.acceleration
+        return kept + max(0.5 * kept, LEAST_AWAY) + stopping
 
     def _place(self, seen: Sight | Tracks) -> Transform:
         """Return the transform of a sensor's frame; an unknown one is an error."""

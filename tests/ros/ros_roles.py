@@ -57,7 +57,7 @@ MODES = {
     "dock_m": "[-0.1, -0.35, 0.3, -0.35, 0.3, 0.35, -0.1, 0.35]",
 }
 
-LATE_TIMER = {"dt_s": 0.02, "actuation.jitter": 0.5}
+LATE_TIMER = {"dt_s": 0.02, "actuation.jitter": 1.0}
 """Every scan is due when it arrives; the timer comes only if one is late."""
 
 SETS = """
