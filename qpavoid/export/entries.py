@@ -40,8 +40,8 @@ class Shape(NamedTuple):
         written: Whether an array is changed.
         of: Class of a tuple.
         parts: Of a tuple.
-        fields: Names of the parts.
         least: Least sizes of an array.
+        record: Memory layout of a record.
     """
 
     name: str
@@ -49,8 +49,13 @@ class Shape(NamedTuple):
     written: bool = False
     of: type = tuple
     parts: "tuple[Shape, ...]" = ()
-    fields: tuple[str, ...] = ()
     least: tuple[int, ...] = ()
+    record: Record | None = None
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Names of the parts; empty if they have none."""
+        return getattr(self.of, "_fields", ())
 
     @property
     def leaves(self) -> Iterator["Shape"]:
@@ -85,7 +90,6 @@ class Entry(NamedTuple):
 
     Attributes:
         name: Of the Python function.
-        module: Of the Python function.
         summary: First line of its docstring.
         arguments: Their structures.
         result: Its structure; of kind ``void`` without a result.
@@ -94,7 +98,6 @@ class Entry(NamedTuple):
     """
 
     name: str
-    module: str
     summary: str
     arguments: tuple[Shape, ...]
     result: Shape
@@ -117,19 +120,16 @@ class Entry(NamedTuple):
 
     def text(self, structs: Structs) -> str:
         """Return the definition in C."""
-        names = [name for leaf in self.leaves for name in leaf.names]
-        unread = [f"    (void){name};" for name in names]
-        lines = [wrapped(self.head, 0), "{", *unread]
+        lines = [f"(void){name};" for leaf in self.leaves for name in leaf.names]
+        kind, call = self.call.kind, self.call.text
         if self.result.kind:
-            back = "" if self.result.kind == "void" else "return "
-            lines.append(wrapped(f"{back}{self.call.text};", 1))
+            lines.append(f"{'' if kind == 'void' else 'return '}{call};")
         else:
-            lines.append(
-                wrapped(f"const {self.call.kind} answer = {self.call.text};", 1)
-            )
-            texts = numbers_in(structs, Value(self.call.kind, "answer"))
-            lines += [f"    result[{i}] = {text};" for i, text in enumerate(texts)]
-        return "\n".join([*lines, "}"])
+            lines.append(f"const {kind} answer = {call};")
+            texts = numbers_in(structs, Value(kind, "answer"))
+            lines += [f"result[{i}] = {text};" for i, text in enumerate(texts)]
+        body = [wrapped(line, 1) for line in lines]
+        return "\n".join([wrapped(self.head, 0), "{", *body, "}"])
 
 
 def numbers_in(structs: Structs, value: Value) -> Iterator[str]:
@@ -157,7 +157,7 @@ def shape_of(hint: Any, name: str) -> Shape:
             least = tuple((known or [Sizes(0)])[-1])[: about.dimensions]
             return Shape(name, kind, about.written, least=least)
         if isinstance(about, Record):
-            return Shape(name, about.name, about.written)
+            return Shape(name, about.name, about.written, record=about)
     if get_origin(hint) is tuple:
         names = tuple(f"{name}_{i}" for i in range(len(get_args(hint))))
         parts = tuple(map(shape_of, get_args(hint), names))
@@ -165,19 +165,8 @@ def shape_of(hint: Any, name: str) -> Shape:
     if isinstance(hint, type) and hasattr(hint, "_fields"):
         hints = get_type_hints(hint, include_extras=True)
         parts = tuple(shape_of(of, f"{name}_{field}") for field, of in hints.items())
-        return Shape(name, "", of=hint, parts=parts, fields=tuple(hints))
+        return Shape(name, "", of=hint, parts=parts)
     raise Unsupported(f"{name}: an entry takes numbers and arrays of known dimensions")
-
-
-def records_in(hint: Any) -> Iterator[Record]:
-    """Yield the records that an annotation names."""
-    if get_origin(hint) is Annotated and isinstance(hint.__metadata__[0], Record):
-        yield hint.__metadata__[0]
-    hints = get_args(hint)
-    if isinstance(hint, type) and hasattr(hint, "_fields"):
-        hints = tuple(get_type_hints(hint, include_extras=True).values())
-    for part in hints:
-        yield from records_in(part)
 
 
 def as_value(shape: Shape, structs: Structs) -> Value:
@@ -188,8 +177,8 @@ def as_value(shape: Shape, structs: Structs) -> Value:
     if kind in SIZES:
         at = name if shape.written else f"(double *){name}"
         return Value(kind, f"({kind}){{{', '.join([at, *sizes])}}}")
-    if kind:
-        return structs.record(structs.records[kind], f"({kind}){name}")
+    if shape.record:
+        return structs.record(shape.record, f"({kind}){name}")
     return structs.packed([as_value(part, structs) for part in shape.parts], shape.of)
 
 
@@ -202,25 +191,21 @@ def result_shape(structs: Structs, kind: str) -> Shape:
         return Shape("", kind)
     struct = structs[kind]
     parts = tuple(result_shape(structs, part.kind) for part in struct.parts)
-    fields = getattr(struct.of, "_fields", ())
-    return Shape("", "", of=struct.of, parts=parts, fields=fields)
+    return Shape("", "", of=struct.of, parts=parts)
 
 
 def as_entry(unit: Translation, function: Callable[..., Any]) -> Entry:
     """Translate a function with all its arguments at run time."""
     plain = function.py_func  # type: ignore[attr-defined]
     hints = get_type_hints(plain, include_extras=True)
-    arguments = []
-    for name in inspect.signature(plain).parameters:
-        for record in records_in(hints[name]):
-            unit.structs.record(record, "")
-        arguments.append(shape_of(hints[name], name))
+    names = inspect.signature(plain).parameters
+    arguments = tuple(shape_of(hints[name], name) for name in names)
     values = [as_value(one, unit.structs) for one in arguments]
     call = unit.call(function, values)
     summary = " ".join((plain.__doc__ or "").partition("\n\n")[0].split())
     result = result_shape(unit.structs, call.kind)
-    given = (plain.__name__, plain.__module__, summary, tuple(arguments))
-    return Entry(*given, result, call, function.asks)  # type: ignore[attr-defined]
+    given = (plain.__name__, summary, arguments, result, call)
+    return Entry(*given, function.asks)  # type: ignore[attr-defined]
 
 
 class Unit(NamedTuple):

@@ -77,18 +77,18 @@ def trampoline(one: Entry) -> str:
     return f"{head}\n{{\n    (void)s, (void)r;\n    {call}\n}}"
 
 
-def program(unit: Unit, shape: Shape, classes: list[type] | None = None) -> str:
+def program(shape: Shape, classes: list[type] | None = None) -> str:
     """Return the leaves of an argument, or with classes of a result, as characters."""
     if shape.kind in NUMBERS:
         return shape.kind[0]
     if shape.kind == "void":
         return "n"
     if shape.kind:
-        record = unit.structs.records.get(shape.kind)
+        least, record = ",".join(map(str, shape.least)), shape.record
         letter = "r" if record else shape.kind[0]
-        size = str(record.dtype.itemsize) if record else ",".join(map(str, shape.least))
-        return (letter.upper() if shape.written else letter) + size
-    inner = "".join(program(unit, part, classes) for part in shape.parts)
+        size = record.dtype.itemsize if record else least
+        return f"{letter.upper() if shape.written else letter}{size}"
+    inner = "".join(program(part, classes) for part in shape.parts)
     if classes and shape.fields:
         return f"<{classes.index(shape.of):02}{inner}>"
     return f"({inner})"
@@ -96,8 +96,8 @@ def program(unit: Unit, shape: Shape, classes: list[type] | None = None) -> str:
 
 def row(unit: Unit, one: Entry, classes: list[type]) -> str:
     """Return the row of an entry in the glue's table."""
-    takes = "".join(program(unit, shape) for shape in one.arguments)
-    gives = program(unit, one.result, classes)
+    takes = "".join(map(program, one.arguments))
+    gives = program(one.result, classes)
     assert sum(letter in "vmrVMR" for letter in takes) <= MOST_VIEWS
     told = [f'"{one.name}", "{takes}", "{gives}", {len(one.arguments)}']
     told.append(f"call_{one.name}")

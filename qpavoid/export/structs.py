@@ -7,17 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qpavoid.export.values import (
-    ANNOTATED,
     ARRAYS,
     ATOM,
     KINDS,
     MEMBERS,
-    NUMBERS,
     RESERVED,
     UNARY,
-    Unsupported,
     Value,
-    as_double,
     c_name,
     commented,
     require,
@@ -126,31 +122,13 @@ class Structs(dict[str, Struct]):
         self.names.add(new)
         return new
 
-    def packed(
-        self, parts: Sequence[Value], of: type = tuple, named: bool = False
-    ) -> Value:
-        """Return a tuple as a compound literal, with designators if ``named``.
+    def packed(self, parts: Sequence[Value], of: type = tuple) -> Value:
+        """Return a tuple as a compound literal.
 
-        Parts that exist only at translation are no members; a tuple of only such parts
-        exists only at translation itself.
+        Parts that exist only at translation are no members.
         """
-        hints = getattr(of, "__annotations__", {})
-        kinds = [ANNOTATED.get(hints.get(f)) for f in field_names(of, len(parts))]
-        parts = tuple(
-            self.cast(part, kind) if part.kind and kind else part
-            for part, kind in zip(parts, kinds, strict=True)
-        )
-        if not any(part.kind for part in parts):
-            text = f"{of.__name__}({', '.join(part.identity for part in parts)})"
-            known = parts if of is tuple else of(*parts)
-            return Value("", text, known=known, parts=parts)
-        name = self.struct(of, parts)
-        texts = ", ".join(
-            f".{member.text} = {part.text}" if named else part.text
-            for member, part in zip(self[name].parts, parts, strict=True)
-            if part.kind
-        )
-        return Value(name, f"({name}){{{texts}}}", parts=parts)
+        name, texts = self.struct(of, parts), ", ".join(p.text for p in parts if p.kind)
+        return Value(name, f"({name}){{{texts}}}", parts=tuple(parts))
 
     def struct(self, of: type, parts: Sequence[Value]) -> str:
         """Return the name of the struct with such members; define it if it is new."""
@@ -189,32 +167,14 @@ class Structs(dict[str, Struct]):
         return field_names(self[value.kind].of, len(self[value.kind].parts))
 
     def common(self, one: Value, other: Value) -> str:
-        """Return the kind that both of two values convert to.
+        """Return the kind of two values.
 
         Raises:
-            Unsupported: There is none.
+            Unsupported: They differ.
         """
-        first, second = self.get(one.kind), self.get(other.kind)
-        if one.identity == other.identity:
-            return one.kind
-        if {one.kind, other.kind} == {"int", "double"}:
-            return "double"
-        if first and second and first.of is second.of is tuple:
-            if len(first.parts) == len(second.parts):
-                pairs = zip(first.parts, second.parts, strict=True)
-                kinds = [Value(self.common(*pair), pair[0].text) for pair in pairs]
-                return self.struct(tuple, kinds)
-        names = [value.kind or value.text for value in (one, other)]
-        raise Unsupported(f"two kinds of value, {names[0]} and {names[1]}")
-
-    def cast(self, value: Value, kind: str) -> Value:
-        """Return a value converted to a kind that holds it."""
-        if value.kind == kind or "bool" in (value.kind, kind):
-            return value
-        if kind in NUMBERS and value.kind in NUMBERS:
-            return as_double(value) if kind == "double" else value
-        pairs = zip(self.parts(value), self[kind].parts, strict=True)
-        return self.packed([self.cast(one, to.kind or one.kind) for one, to in pairs])
+        same = one.identity == other.identity
+        require(same, f"two kinds of value, {one.identity} and {other.identity}")
+        return one.kind
 
 
 def field_names(of: type, count: int) -> tuple[str, ...]:

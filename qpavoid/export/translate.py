@@ -72,7 +72,7 @@ class Function(ast.NodeVisitor):
         self.scope = {**vars(builtins), **plain.__globals__}
         tree = ast.parse(textwrap.dedent(inspect.getsource(plain))).body[0]
         assert isinstance(tree, ast.FunctionDef)
-        self.returns, kinds = annotated(tree.returns), {}
+        kinds: dict[str, str] = {}
         self.bound: dict[str, Value] = {}
         for one, value in zip(tree.args.args, arguments, strict=True):
             if value.kind:
@@ -168,7 +168,6 @@ class Function(ast.NodeVisitor):
     def item(self, parts: Sequence[Value], i: str, hoisted: bool = False) -> Value:
         """Return the part of a tuple at an index known only at run time."""
         kinds = {part.kind for part in parts}
-        kinds = {"double"} if kinds == {"int", "double"} else kinds
         require(len(kinds) == 1 and "" not in kinds, "only from a tuple of one kind")
         kind, texts = kinds.pop(), ", ".join(part.text for part in parts)
         table = f"((const {kind}[]){{{texts}}})"
@@ -205,8 +204,7 @@ class Function(ast.NodeVisitor):
             return field
         if isinstance(owner.known, np.void) and name in (owner.known.dtype.names or ()):
             return constant(owner.known[name], f"{owner.text}.{name}")
-        module = inspect.ismodule(owner.known) and hasattr(owner.known, name)
-        if module or (name == "shape" and isinstance(owner.known, np.ndarray)):
+        if inspect.ismodule(owner.known) and hasattr(owner.known, name):
             return self.python(getattr(owner.known, name))
         shape = name == "shape" and owner.kind in (*ARRAYS, *self.structs.tables)
         require(shape, "only records and the settings have fields")
@@ -220,8 +218,8 @@ class Function(ast.NodeVisitor):
         if base.kind in self.structs.records:
             require(ast.unparse(node.slice) == "0", "an array of one record")
             return base
-        if isinstance(base.known, np.ndarray):
-            return constant_element(base, [self.number(one) for one in where])
+        if isinstance(base.known, np.ndarray):  # the settings
+            return Value("", base.text, known=base.known[self.number(node.slice).known])
         if base.kind in self.structs.tables:
             return self.table_row(self.simple(base), node.slice)
         if base.kind not in ARRAYS:
@@ -242,8 +240,7 @@ class Function(ast.NodeVisitor):
         if len(where) == 1:
             return Value("vector", row)
         j = self.index(where[1], f"{array}.columns")
-        if j.kind == "slice":
-            return Value("vector", f"part({row}, {j.text})")
+        require(j.kind == "int", "not contiguous")
         begin = "" if i.text == "0" else f"{i.at(ATOM)} * {array}.columns + "
         return Value("double", f"{array}.at[{begin}{j.text}]")
 
@@ -276,11 +273,7 @@ class Function(ast.NodeVisitor):
             end = self.index(node.upper, size) if node.upper else Value("int", size)
             text = f"{begin.text}, {end.text}"
             return Value("slice", text, parts=(begin, end))
-        value: Value = self.visit(node)
-        if isinstance(value.known, slice):
-            ends = constant(value.known.start or 0), constant(value.known.stop)
-            return Value("slice", f"{ends[0].text}, {ends[1].text}", parts=ends)
-        value = as_number(value)
+        value = self.number(node)
         require(value.kind == "int", "an integer is needed here")
         if value.decided and value.known < 0:
             return Value("int", f"{size} - {-value.known}", ADD)
@@ -304,12 +297,7 @@ class Function(ast.NodeVisitor):
         return joined(parts, either=False)
 
     def compared(self, left: Value, op: ast.cmpop, right: Value) -> Value:
-        """Return a comparison of numbers or of tuples, or a test of membership."""
-        if isinstance(op, ast.In | ast.NotIn):
-            equal = [self.compared(left, ast.Eq(), one) for one in self.parts(right)]
-            within = joined(equal, either=True)
-            negated = isinstance(op, ast.NotIn)
-            return unary(ast.Not(), within) if negated else within
+        """Return a comparison of numbers or of tuples."""
         if left.kind not in self.structs:
             return compared(as_number(left), op, as_number(right))
         pairs = list(zip_longest(self.parts(left), self.parts(right)))
@@ -340,15 +328,8 @@ class Function(ast.NodeVisitor):
 
     def visit_IfExp(self, node: ast.IfExp) -> Value:
         test = self.number(node.test)
-        if test.decided:
-            value: Value = self.visit(node.body if test.known else node.orelse)
-            return value
         one, other = self.inline(node.body), self.inline(node.orelse)
         kind = self.structs.common(one, other)
-        if not kind:
-            return one
-        if kind not in NUMBERS:
-            one, other = self.structs.cast(one, kind), self.structs.cast(other, kind)
         text = f"{test.at(OR)} ? {one.at(TERNARY)} : {other.at(TERNARY)}"
         return Value(kind, text, TERNARY)
 
@@ -362,16 +343,13 @@ class Function(ast.NodeVisitor):
             plain = function.py_func
             return self.unit.called(plain, self.matched(plain, node))
         if isinstance(function, type) and hasattr(function, "_fields"):
-            parts = self.matched(function, node)
-            return self.structs.packed(parts, function, named=bool(node.keywords))
+            return self.structs.packed(self.matched(function, node), function)
         require(not node.keywords, "arguments by keyword")
         values = self.values(node.args)
         if function is len and values[0].kind in (*ARRAYS, *self.structs.tables):
             return Value("int", f"{self.simple(values[0]).text}.rows")
         if function is len:
             return constant(len(self.structs.fields(values[0]) or values[0].known))
-        if function in (min, max) and len(values) == 1:
-            values = self.parts(values[0])
         return called(function, values)
 
     def reshaped(self, base: Value, sizes: Sequence[Value]) -> Value:
@@ -416,9 +394,6 @@ class Function(ast.NodeVisitor):
     def visit_Expr(self, node: ast.Expr) -> None:
         if not isinstance(node.value, ast.Constant):
             self.discard(self.visit(node.value))
-
-    def visit_Pass(self, node: ast.Pass) -> None:
-        pass
 
     def assign(self, target: ast.expr, value: Value) -> None:
         """Assign to a variable, the variables of a tuple, or an element."""
@@ -474,9 +449,8 @@ class Function(ast.NodeVisitor):
             kinds = self.body.kinds
             held = Value(kinds.get(name, value.kind), name)
             kinds[name] = self.structs.common(held, value)
-            text = self.structs.cast(value, kinds[name]).text
-            if text != name:  # a constant has been folded away
-                self.body.store(name, text)
+            if value.text != name:  # a constant has been folded away
+                self.body.store(name, value.text)
 
     def discard(self, value: Value) -> None:
         """Evaluate an unused value if its function might write to an array."""
@@ -560,9 +534,8 @@ class Function(ast.NodeVisitor):
         value, result = self.visit(node.value), self.body.result
         value = value if value.kind else as_number(value)
         before = Value(value.kind if result == "void" else result, "")
-        result = self.returns or self.structs.common(before, value)
-        self.body.emit(f"return {self.structs.cast(value, result).text};")
-        self.body.result = result
+        self.body.result = self.structs.common(before, value)
+        self.body.emit(f"return {value.text};")
 
     def visit_Break(self, node: ast.Break | ast.Continue) -> None:
         self.body.ended = True
@@ -656,18 +629,6 @@ def as_number(value: Value) -> Value:
         value = constant(value.known)
     require(value.kind in NUMBERS, "a number is needed here")
     return value
-
-
-def constant_element(base: Value, places: Sequence[Value]) -> Value:
-    """Return an element of the footprint, the limits or the settings."""
-    if base.known.dtype.names:
-        return Value("", base.text, known=base.known[places[0].known])
-    whole = len(places) == base.known.ndim
-    require(whole, "only elements of a constant array can be taken")
-    text = base.text + "".join(f"[{place.text}]" for place in places)
-    if not all(place.decided for place in places):
-        return Value("double", text)
-    return constant(base.known[tuple(place.known for place in places)], text)
 
 
 def clobbers(target: ast.expr, text: str) -> bool:

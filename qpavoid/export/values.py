@@ -274,8 +274,6 @@ def joined(parts: Sequence[Value], either: bool) -> Value:
 
 def called(function: Any, values: Sequence[Value]) -> Value:
     """Return the call of a built-in function or one of ``math``."""
-    if function is float and values and isinstance(values[0].known, str):
-        return constant(float(values[0].known))
     numbers = bool(values) and all(value.kind in NUMBERS for value in values)
     require(numbers, "a function of numbers is needed here")
     first, single = values[0], len(values) == 1

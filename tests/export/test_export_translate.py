@@ -35,7 +35,7 @@ def odd(x: float, n: int, values: np.ndarray) -> tuple[float, float, int]:
     if 0.0 < x <= 1.0 or not k > 3:
         rest[0] += cos - (a - b) - x
     last = (a, x % 1.5)
-    return max(*last, least, float(k)), rest[0], k if n in (0, 7) else -k
+    return max(*last, least, float(k)), rest[0], k if n == 0 or n == 7 else -k
 
 
 def test_python_and_c_agree_where_they_differ(tmp_path):
@@ -51,10 +51,10 @@ def test_python_and_c_agree_where_they_differ(tmp_path):
 @compiled
 def functions(x: float, y: float, n: int, m: int) -> tuple[float, ...]:
     """Use every function of numbers."""
-    big = float("inf") if x > 1.0 else math.inf
+    big = math.inf if x > 1.0 else 1e308
     ok = math.isinf(big * x) == (x > 0.0) and not math.isnan(y)
     i = n // m + n % m
-    pair = (0, 1.0)
+    pair = (0.0, 1.0)
     if ok:
         pair = (x, y)
     return (
@@ -62,9 +62,9 @@ def functions(x: float, y: float, n: int, m: int) -> tuple[float, ...]:
         math.acos(max(-1.0, min(x, 1.0, y))),
         x % y,
         float(i) + min(n, m, 3) + max(n, m, -1),
-        float("-inf") if ok else math.nan,
+        -math.inf if ok else math.nan,
         pair[0] / 2,
-        n / m + (2 if n in (1, 2, 3) else 5) // 2,
+        n / m + (2 if 0 < n < 4 else 5) // 2,
         abs(n - m) * 1.0 + math.floor(x) + int(y),
     )
 

@@ -26,7 +26,7 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.step import NO_ANSWER
 from qpavoid.compiled import ENTRIES
 from qpavoid.export.build import FLAGS, MACOS, SHARED, compile_c, system_compiler, zig
-from qpavoid.export.entries import records_in, shape_of
+from qpavoid.export.entries import shape_of
 from qpavoid.export.extension import build_extension, extension_text
 from qpavoid.guide.stage import GuideStage, Tracking, fresh_stage, stage_memory
 from qpavoid.guide.state import ACTION, COUNT, WAY
@@ -124,9 +124,7 @@ def shapes_of(entry):
 
 def given_for(entry, wrong=None, make=None, more=0):
     """Arguments of an entry that are as small as they may be, but for a wrong leaf."""
-    seen, records = iter(range(1_000)), {}
-    for hint in get_type_hints(entry.py_func, include_extras=True).values():
-        records |= {record.name: record for record in records_in(hint)}
+    seen = iter(range(1_000))
 
     def made(shape):
         if not shape.kind:
@@ -137,7 +135,7 @@ def given_for(entry, wrong=None, make=None, more=0):
         if shape.least:
             right = np.zeros([least + more for least in shape.least])
         else:
-            right = np.zeros(1, records[shape.kind].dtype)
+            right = np.zeros(1, shape.record.dtype)
         return make(right) if number == wrong else right
 
     return [*map(made, shapes_of(entry))]
