@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -27,6 +27,7 @@ def integrated(pose, twist, dt):
 
 
 @given(poses, twists, st.floats(-3, 3))
+@example((0.3, -0.2, 0.7), (2.0, 1e-4), 1.5)
 def test_arc_is_the_integral_of_eq_1(pose, twist, dt):
     assert arc(*pose, *twist, dt) == pytest.approx(
         integrated(pose, twist, dt), abs=1e-9

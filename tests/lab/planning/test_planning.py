@@ -164,13 +164,6 @@ def test_a_way_that_only_what_moves_bars_is_kept_where_the_other_one_is_long():
     assert plan(1.0, start, 0.0, person(0.5))[:, 1].max() > 5.0
 
 
-def test_a_way_round_what_moves_is_taken_where_it_is_hardly_longer():
-    plan, start = planner(Obstacles()), (0.0, 0.0, 0.0)
-    plan(0.0, start, 0.0, Obstacles())
-    person = Obstacles(discs=[(4.0, 0.0, 0.3)], disc_velocities=[(0.0, 0.5)])
-    assert np.abs(plan(1.0, start, 0.0, person)[:, 1]).max() > 0.5
-
-
 def test_without_a_way_it_stands_until_there_is_one():
     sides = [(7, -1, 9, -1), (9, -1, 9, 1), (9, 1, 7, 1), (7, 1, 7, -1)]
     cage = Obstacles(walls=sides)

@@ -25,12 +25,6 @@ def test_shipped_scenarios_are_listed_and_valid(data_folder):
         assert others > 0
 
 
-def test_a_scenario_is_found_by_name_and_by_path():
-    name, path = find_config("paper/test_case_1")
-    assert find_config(path) == (name, path)
-    assert find_config("configs/paper/test_case_1.toml")[0] == name
-
-
 def test_an_unknown_scenario_is_named_with_what_there_is():
     with pytest.raises(ConfigError, match="^nothing/there.toml: no such file$"):
         load_scenario("nothing/there.toml")

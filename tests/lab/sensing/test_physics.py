@@ -118,18 +118,6 @@ def test_the_driver_waits_and_keeps_to_its_limits():
     assert found[-1][1].ground[0] == pytest.approx(0.2 * (1 - math.exp(-1.0)), abs=0.03)
 
 
-def test_a_slippery_patch_under_one_side_turns_a_braking_base():
-    ice = Patch((4.0, 0.5), (6.0, 1.0), friction=0.01)
-    commands = [*held(1.5, 0.0, 1.0), *held(0.0, 0.0, 0.6)]
-    _, dry = drive(Physics("skid-steer"), commands, (0.0, 0.0, 0.0))
-    _, found = drive(Physics("skid-steer", patches=(ice,)), commands, (0.0, 0.0, 0.0))
-    assert abs(dry[-1][0][2]) < 0.01
-    assert found[-1][0][2] < -0.1  # the right side holds
-    both = Patch((4.0, 0.0), (6.0, 1.0), friction=0.05)
-    _, found = drive(Physics("skid-steer", patches=(both,)), commands, (0.0, 0.0, 0.0))
-    assert found[-1][1].ground[0] > 0.2  # it still slides
-
-
 GROUND = """
 [plant]
 kind = "mujoco"
