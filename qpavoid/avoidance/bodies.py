@@ -25,7 +25,6 @@ from qpavoid.avoidance.cbf_rows import (
 from qpavoid.avoidance.settings import (
     AvoidanceSettings,
     FilterSettings,
-    is_slow,
     least_radius,
 )
 from qpavoid.compiled import compiled, compiled_once
@@ -46,8 +45,15 @@ from qpavoid.model.capsules import (
     from_segment,
     speed_bound,
 )
-from qpavoid.model.contact import Contact, point_contact, wall_contact
-from qpavoid.model.kinematics import TINY
+from qpavoid.model.contact import (
+    Contact,
+    Part,
+    point_contact,
+    point_contact_of,
+    wall_contact,
+    wall_contact_of,
+)
+from qpavoid.model.kinematics import TINY, Frame
 from qpavoid.model.robot import UNLIMITED_TWIST, Robot, limits_of, stopping_time
 from qpavoid.types import (
     Array,
@@ -132,18 +138,11 @@ class Scene(NamedTuple):
 
 
 @compiled
-def drifting(scene: Scene, drift: float) -> Scene:
-    """Return the scene with a velocity error of the robot, m/s."""
+def with_bodies(scene: Scene, bodies: Table, drift: float) -> Scene:
+    """Return the scene with other bodies and another velocity error, m/s."""
     # Compiled functions have no NamedTuple._replace.
-    e, r, s, bodies, last, pending, arcs, groups, longest, _, near = scene
+    e, r, s, _, last, pending, arcs, groups, longest, _, near = scene
     return Scene(e, r, s, bodies, last, pending, arcs, groups, longest, drift, near)
-
-
-@compiled
-def of_groups(scene: Scene) -> Scene:
-    """Return the scene whose bodies are the groups."""
-    e, r, s, _, last, pending, arcs, groups, longest, drift, near = scene
-    return Scene(e, r, s, groups, last, pending, arcs, groups, longest, drift, near)
 
 
 @compiled
@@ -286,14 +285,78 @@ def is_point(body: Body) -> bool:
     return body.spread == body.required
 
 
+class End(NamedTuple):
+    """One end of a body's segment.
+
+    Attributes:
+        x: Robot frame, m.
+        y: Robot frame, m.
+        v_x: Over ground, in the robot's axes, m/s.
+        v_y: Over ground, in the robot's axes, m/s.
+    """
+
+    x: float
+    y: float
+    v_x: float
+    v_y: float
+
+
+class Ends(NamedTuple):
+    """Both ends of a body's segment at a time; equal for a point."""
+
+    one: End
+    other: End
+
+
 @compiled_once
-def line_contact_now(edges: Array, body: Body) -> Contact:
-    """Return the present contact of the footprint with the segment of a body."""
-    x, y = body.x, body.y
+def ends_at(body: Body, time: float, at: Frame) -> Ends:
+    """Return the ends of a body at a time, in a frame."""
+    v_x, v_y, c, s = body.v_x, body.v_y, at.cos, at.sin
+    p_x, p_y = body.x + time * v_x - at.x, body.y + time * v_y - at.y
     if is_point(body):
-        return point_contact(edges, x, y)
-    wall = Segment(x + body.x1, y + body.y1, x + body.x2, y + body.y2)
-    return wall_contact(edges, wall)
+        x, y = c * p_x + s * p_y, c * p_y - s * p_x
+        end = End(x, y, c * v_x + s * v_y, c * v_y - s * v_x)
+        return Ends(end, end)
+    x1, y1, x2, y2, spin = body.x1, body.y1, body.x2, body.y2, body.turn
+    # A rotating obstacle turns its segment about the pivot, which moves straight.
+    if spin != 0.0:
+        cos, sin = math.cos(spin * time), math.sin(spin * time)
+        x1, y1 = cos * x1 - sin * y1, sin * x1 + cos * y1
+        x2, y2 = cos * x2 - sin * y2, sin * x2 + cos * y2
+    v_x1, v_y1 = v_x - spin * y1, v_y + spin * x1
+    v_x2, v_y2 = v_x - spin * y2, v_y + spin * x2
+    x1, y1, x2, y2 = p_x + x1, p_y + y1, p_x + x2, p_y + y2
+    w_x1, w_y1 = c * v_x1 + s * v_y1, c * v_y1 - s * v_x1
+    w_x2, w_y2 = c * v_x2 + s * v_y2, c * v_y2 - s * v_x2
+    x1, y1 = c * x1 + s * y1, c * y1 - s * x1
+    x2, y2 = c * x2 + s * y2, c * y2 - s * x2
+    return Ends(End(x1, y1, w_x1, w_y1), End(x2, y2, w_x2, w_y2))
+
+
+@compiled_once
+def part_contact(edges: Array, part: Part, body: Body, ends: Ends) -> Contact:
+    """Return the contact of a convex part with the segment of a body."""
+    one, other = ends.one, ends.other
+    if is_point(body):
+        return point_contact_of(edges, part, one.x, one.y)
+    return wall_contact_of(edges, part, Segment(one.x, one.y, other.x, other.y))
+
+
+@compiled_once
+def line_contact(edges: Array, body: Body, ends: Ends) -> Contact:
+    """Return the contact of the footprint with the segment of a body."""
+    one, other = ends.one, ends.other
+    if is_point(body):
+        return point_contact(edges, one.x, one.y)
+    return wall_contact(edges, Segment(one.x, one.y, other.x, other.y))
+
+
+@compiled
+def contact_now(scene: Scene, body: Body) -> Contact:
+    """Return the present contact of the footprint with the segment of a body."""
+    return line_contact(
+        scene.edges, body, ends_at(body, 0.0, Frame(0.0, 0.0, 1.0, 0.0))
+    )
 
 
 FEW, MOST_GROUPED, WIDEST_GROUP = 4, 32, 0.3
@@ -377,7 +440,7 @@ def bodies_in_reach(scene: Scene, obstacles: Arrays, age: float, horizon: float)
         if body.kind == MOVES:
             near = apart < radius + (body.speed + fastest) * horizon
         elif body.kind == CREEPS:
-            slow = is_slow(scene.settings, body.growth)
+            slow = body.growth <= s.speed_low
             near = slow and apart < still + body.growth * stop
         if near:
             bodies[count] = body
@@ -407,7 +470,7 @@ def tangent_of_nearest(scene: Scene, count: int, side: Pair) -> Tangent:
         distance = body.required - body.beyond_r_min - slack
         within = 0.0 < distance < min(near, nearest.distance)
         if within and body.kind == STANDS:
-            c = line_contact_now(scene.edges, body)
+            c = contact_now(scene, body)
             if c.n_x * side[0] + c.n_y * side[1] <= 0.0:
                 place, normal = (c.x, c.y), (c.n_x, c.n_y)
                 nearest = tangent_at(scene.edges, place, normal, distance)
@@ -483,7 +546,7 @@ def cap_now(scene: Scene, body: Row) -> None:
     far = limits_of(scene.robot).circumradius + body.spread
     if body.kind == MOVES or body.x**2 + body.y**2 >= far * far:
         return
-    distance = line_contact_now(scene.edges, body).distance
+    distance = contact_now(scene, body).distance
     # Inside r_min no plan keeps it, not even standing still; the rows of the present
     # lead out.
     missing = body.required - distance - tolerance(scene)

@@ -181,14 +181,11 @@ class Engine:
         call: Callable[..., tuple[Any, ...]] = filter_step.call  # type: ignore[attr-defined]
         outcome = call(*now, self._memory)
         if outcome[0] == WORKSPACE_TOO_SMALL:
-            self._make_room(arrays)
+            most = most_contacts(self.setup.edges, arrays)
+            self._memory = np.empty(memory_size(most, self.setup.settings))
+            self._be_quick()
             outcome = call(*now, self._memory)
         return outcome
-
-    def _make_room(self, arrays: Arrays) -> None:
-        most = most_contacts(self.setup.edges, arrays)
-        self._memory = np.empty(memory_size(most, self.setup.settings))
-        self._be_quick()
 
     def problem(self, arrays: Arrays) -> FilterProblem:
         """Return the QP of the last step, among these obstacles."""

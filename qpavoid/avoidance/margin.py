@@ -41,100 +41,29 @@ from typing import NamedTuple
 from qpavoid.avoidance.bodies import (
     MOVES,
     Body,
+    End,
+    Ends,
     Scene,
+    ends_at,
     is_point,
+    line_contact,
     moves,
-    of_groups,
+    part_contact,
     precedes,
     threshold,
+    with_bodies,
 )
 from qpavoid.avoidance.plan import (
     Arc,
     Rollout,
     arc_index,
-    braking_factor,
     frame_at,
 )
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.capsules import Segment
-from qpavoid.model.contact import (
-    Contact,
-    Part,
-    part_at,
-    point_contact,
-    point_contact_of,
-    wall_contact,
-    wall_contact_of,
-)
+from qpavoid.model.contact import Contact, part_at
 from qpavoid.model.kinematics import Frame
-from qpavoid.model.robot import limits_of
+from qpavoid.model.robot import RELATIVE_ROUNDING, limits_of
 from qpavoid.types import Array, Pair
-
-
-class End(NamedTuple):
-    """One end of a body's segment.
-
-    Attributes:
-        x: Robot frame, m.
-        y: Robot frame, m.
-        v_x: Over ground, in the robot's axes, m/s.
-        v_y: Over ground, in the robot's axes, m/s.
-    """
-
-    x: float
-    y: float
-    v_x: float
-    v_y: float
-
-
-class Ends(NamedTuple):
-    """Both ends of a body's segment at a time; equal for a point."""
-
-    one: End
-    other: End
-
-
-@compiled_once
-def ends_at(body: Body, time: float, at: Frame) -> Ends:
-    """Return the ends of a body at a time, in a frame."""
-    v_x, v_y, c, s = body.v_x, body.v_y, at.cos, at.sin
-    p_x, p_y = body.x + time * v_x - at.x, body.y + time * v_y - at.y
-    if is_point(body):
-        x, y = c * p_x + s * p_y, c * p_y - s * p_x
-        end = End(x, y, c * v_x + s * v_y, c * v_y - s * v_x)
-        return Ends(end, end)
-    x1, y1, x2, y2, spin = body.x1, body.y1, body.x2, body.y2, body.turn
-    # A rotating obstacle turns its segment about the pivot, which moves straight.
-    if spin != 0.0:
-        cos, sin = math.cos(spin * time), math.sin(spin * time)
-        x1, y1 = cos * x1 - sin * y1, sin * x1 + cos * y1
-        x2, y2 = cos * x2 - sin * y2, sin * x2 + cos * y2
-    v_x1, v_y1 = v_x - spin * y1, v_y + spin * x1
-    v_x2, v_y2 = v_x - spin * y2, v_y + spin * x2
-    x1, y1, x2, y2 = p_x + x1, p_y + y1, p_x + x2, p_y + y2
-    w_x1, w_y1 = c * v_x1 + s * v_y1, c * v_y1 - s * v_x1
-    w_x2, w_y2 = c * v_x2 + s * v_y2, c * v_y2 - s * v_x2
-    x1, y1 = c * x1 + s * y1, c * y1 - s * x1
-    x2, y2 = c * x2 + s * y2, c * y2 - s * x2
-    return Ends(End(x1, y1, w_x1, w_y1), End(x2, y2, w_x2, w_y2))
-
-
-@compiled_once
-def part_contact(edges: Array, part: Part, body: Body, ends: Ends) -> Contact:
-    """Return the contact of a convex part with the segment of a body."""
-    one, other = ends.one, ends.other
-    if is_point(body):
-        return point_contact_of(edges, part, one.x, one.y)
-    return wall_contact_of(edges, part, Segment(one.x, one.y, other.x, other.y))
-
-
-@compiled_once
-def line_contact(edges: Array, body: Body, ends: Ends) -> Contact:
-    """Return the contact of the footprint with the segment of a body."""
-    one, other = ends.one, ends.other
-    if is_point(body):
-        return point_contact(edges, one.x, one.y)
-    return wall_contact(edges, Segment(one.x, one.y, other.x, other.y))
 
 
 @compiled
@@ -222,8 +151,11 @@ class ArcTwist(NamedTuple):
 @compiled_once
 def arc_twist(arc: Arc, time: float, dt: float) -> ArcTwist:
     """Return the twist at a time on an arc."""
-    share = braking_factor(time - arc.begin, arc.steps, dt)
-    return ArcTwist(share * arc.v, share * arc.omega, arc.steps < math.inf)
+    share, brakes = 1.0, arc.steps < math.inf
+    if brakes:
+        steps = math.floor((time - arc.begin) / dt + RELATIVE_ROUNDING)
+        share = max(1.0 - steps / arc.steps, 0.0)
+    return ArcTwist(share * arc.v, share * arc.omega, brakes)
 
 
 @compiled_once
@@ -491,7 +423,7 @@ def next_body(scene: Scene, rollout: Rollout, i: int, watch: Watch) -> int:
 def is_far(scene: Scene, rollout: Rollout, row: int, wanted: Pair) -> bool:
     """Return whether a group keeps a threshold up to a time; ``wanted``: both."""
     (end, level), near = wanted, False
-    groups = of_groups(scene)
+    groups = with_bodies(scene, scene.groups, scene.drift)
     # SPARE at every sample, and a miss of SPARE in between, leave the threshold.
     if not stays_away(groups, rollout, row, end, level):
         near, _ = too_near(groups, rollout, row, (0.0, end), level + SPARE, SPARE)

@@ -271,14 +271,6 @@ def braking_place(time: float, steps: float, dt: float) -> float:
     return place + (time - dt * k) * (1.0 - k / steps)
 
 
-@compiled
-def braking_factor(time: float, steps: float, dt: float) -> float:
-    """Return the share of the twist at a time after its arc began."""
-    if steps == math.inf:
-        return 1.0
-    return max(1.0 - math.floor(time / dt + RELATIVE_ROUNDING) / steps, 0.0)
-
-
 @compiled_once
 def frame_at(arc: Arc, time: float, dt: float) -> Frame:
     """Return the robot's frame at a time on an arc of a rollout."""

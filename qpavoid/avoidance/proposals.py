@@ -25,7 +25,9 @@ from qpavoid.avoidance.bodies import (
     Body,
     Scene,
     any_moves,
+    ends_at,
     moves,
+    part_contact,
     precedes,
     tolerance,
 )
@@ -35,10 +37,8 @@ from qpavoid.avoidance.margin import (
     Watch,
     circle_margin,
     closing_speed,
-    ends_at,
     first_violated,
     next_body,
-    part_contact,
     passing_speed,
     violation_of,
 )
@@ -181,17 +181,6 @@ def note_contact(
 
 
 @compiled_once
-def frame_then(scene: Scene, rollout: Rollout, k: int, frames: Table) -> Frame:
-    """Return the robot's frame at a tick, cached in a table."""
-    s = scene.settings[0]
-    # An impossible cosine marks a row that is not filled in for this rollout.
-    if frames[k].cos > 1.0:
-        arc = rollout.arcs[arc_index(rollout.arcs, 0, s.tick * k)]
-        frames[k] = frame_at(arc, s.tick * k, s.dt)
-    return Frame(frames[k].x, frames[k].y, frames[k].cos, frames[k].sin)
-
-
-@compiled_once
 def predict_contacts(scene: Scene, rollout: Rollout, tables: Tables) -> None:
     """Fill in the contacts that get a row of the linearisation.
 
@@ -200,12 +189,13 @@ def predict_contacts(scene: Scene, rollout: Rollout, tables: Tables) -> None:
     again when its margin may have changed by its value. A missed contact costs at most
     an iteration, since the solution is verified in full.
     """
-    s, predicted = scene.settings[0], tables.predicted
+    s, arcs = scene.settings[0], rollout.arcs
+    predicted, frames = tables.predicted, tables.frames
     for row in range(predicted.shape[0]):
         # Empty: no smaller margin yet.
         predicted[row].margin = ROW_WITHIN
-    for k in range(tables.frames.shape[0]):
-        tables.frames[k].cos = math.inf
+    for k in range(frames.shape[0]):
+        frames[k].cos = math.inf
     watch = Watch((s.horizon, ROW_WITHIN), (s.horizon_still, ROW_WITHIN))
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
@@ -214,7 +204,11 @@ def predict_contacts(scene: Scene, rollout: Rollout, tables: Tables) -> None:
         pace = s.tick * closing_speed(scene, rollout, body) + TINY
         passing = s.tick * passing_speed(scene, rollout, body) + TINY
         while k <= last:
-            time, at = s.tick * k, frame_then(scene, rollout, k, tables.frames)
+            time = s.tick * k
+            # An impossible cosine marks a frame not filled in for this rollout.
+            if frames[k].cos > 1.0:
+                frames[k] = frame_at(arcs[arc_index(arcs, 0, time)], time, s.dt)
+            at = Frame(frames[k].x, frames[k].y, frames[k].cos, frames[k].sin)
             margin = circle_margin(scene, body, time, at)
             if margin > 2.0 * ROW_WITHIN:
                 k += 2 + int(min((margin - ROW_WITHIN) / passing, last))

@@ -17,7 +17,7 @@ then, static ones need only the minimum clearance instead of r_min.
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.bodies import Scene, any_moves, moves, threshold
+from qpavoid.avoidance.bodies import Scene, any_moves, moves, threshold, with_bodies
 from qpavoid.avoidance.margin import (
     UNWATCHED,
     Watch,
@@ -86,9 +86,6 @@ THIRDS = 3
 NO_ROOM = -1e9
 """m; margin of a rejected plan: it violates a static body, or cannot be the best."""
 
-NOTHING_YET = 2.0 * NO_ROOM
-"""m; initial margin of the search, less than of any plan."""
-
 
 class Found(NamedTuple):
     """A plan with its score.
@@ -109,31 +106,17 @@ class Found(NamedTuple):
 
 
 @compiled
-def is_refused(found: Found) -> bool:
-    """Return whether a plan is rejected: its margin is about :data:`NO_ROOM`."""
-    return not found.margin > 0.5 * NO_ROOM
+def searched_twist(box: Box, i: int) -> Pair:
+    """Return one of 3 × 3 twists with v and ω least, 0 or greatest, or of 5 × 5 even.
 
-
-@compiled
-def even_twist(box: Box, number: int) -> Pair:
-    """Return one of 5 × 5 twists, even_twist spaced within the limits."""
-    v = box.v_min + 0.25 * (number // 5) * (box.v_max - box.v_min)
+    ``i``: 0 to 8, and 9 to 33.
+    """
+    if i < 9:
+        v = (box.v_min, 0.0, box.v_max)[i // 3]
+        return v, (box.omega_min, 0.0, box.omega_max)[i % 3]
+    v = box.v_min + 0.25 * ((i - 9) // 5) * (box.v_max - box.v_min)
     width = box.omega_max - box.omega_min
-    return v, box.omega_min + 0.25 * (number % 5) * width
-
-
-@compiled
-def extreme_twist(box: Box, number: int) -> Pair:
-    """Return one of 3 × 3 twists with v and ω least, 0 or greatest."""
-    v = (box.v_min, 0.0, box.v_max)[number // 3]
-    return v, (box.omega_min, 0.0, box.omega_max)[number % 3]
-
-
-@compiled_once
-def plan_cost(scene: Scene, query: Query, plan: Plan) -> float:
-    """Return the cost of a plan: see :class:`Found`."""
-    then = twist_cost(scene, (plan.v_then, plan.omega_then), query.desired)
-    return twist_cost(scene, (plan.v, plan.omega), query.desired) + 0.1 * then
+    return v, box.omega_min + 0.25 * ((i - 9) % 5) * width
 
 
 @compiled
@@ -186,7 +169,9 @@ def scored(scene: Scene, query: Query, plan: Plan, best: Found, last: Found) -> 
         best: Best so far.
         last: Scored before; its violation is checked first.
     """
-    cost, body, time = plan_cost(scene, query, plan), last.body, last.time
+    then = twist_cost(scene, (plan.v_then, plan.omega_then), query.desired)
+    cost = twist_cost(scene, (plan.v, plan.omega), query.desired) + 0.1 * then
+    body, time = last.body, last.time
     failed = Found(plan, NO_ROOM, cost, body, time)
     dearer = cost > best.cost
     if dearer and best.margin >= PLENTY:
@@ -218,12 +203,12 @@ def best_plan(scene: Scene, query: Query, last_plan: Plan, third: int) -> Found:
     """
     box, s, anew = query.box, scene.settings[0], False
     end = whole_steps(s.horizon, s.dt)
-    nothing = Found(last_plan, NOTHING_YET, math.inf, -1, 0.0)
+    nothing = Found(last_plan, 2.0 * NO_ROOM, math.inf, -1, 0.0)
     first = scored(scene, query, last_plan, nothing, nothing)
     # Hysteresis: another plan has to be better by BETTER.
     best, last = Found(last_plan, first.margin + BETTER, first.cost, -1, 0.0), first
     for i in range(9 + 25):
-        twist = extreme_twist(box, i) if i < 9 else even_twist(box, i - 9)
+        twist = searched_twist(box, i)
         plan = hold(twist[0], twist[1], end)
         last = scored(scene, query, plan, best, last)
         if is_better(last, best):
@@ -231,7 +216,7 @@ def best_plan(scene: Scene, query: Query, last_plan: Plan, third: int) -> Found:
     for i in range(9):
         if third > 0 and i // 3 != third - 1:
             continue
-        twist = extreme_twist(box, i)
+        twist = searched_twist(box, i)
         plan = hold(twist[0], twist[1], end)
         rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
         level = quantised(best.margin)
@@ -243,7 +228,7 @@ def best_plan(scene: Scene, query: Query, last_plan: Plan, third: int) -> Found:
                 continue
             before = switch
             for j in range(9):
-                then = extreme_twist(box, j)
+                then = searched_twist(box, j)
                 # A constant twist, scored above.
                 if j == i:
                     continue
@@ -359,19 +344,16 @@ def fallback(scene: Scene, query: Query, kept: Row, owner: int) -> Choice:
 @compiled_once
 def at_min_clearance(scene: Scene, query: Query) -> Scene:
     """Return the scene with the minimum clearance instead of r_min of static bodies."""
-    e, r, s, bodies, last, pending, arcs, groups, longest, drift, clearance = scene
+    bodies, least = scene.bodies, scene.settings[0].min_clearance
     count, closer = bodies.shape[0], query.tables.closer
     for i in range(count):
         closer[i] = bodies[i]
         one = closer[i]
-        excess = one.required - one.beyond_r_min - s[0].min_clearance
+        excess = one.required - one.beyond_r_min - least
         if excess > 0.0 and not moves(scene, i):
             one.required, one.spread = one.required - excess, one.spread - excess
             one.margin_now += excess
-    # fmt: off
-    return Scene(e, r, s, closer[:count], last, pending, arcs, groups, longest, drift,
-                 clearance)
-    # fmt: on
+    return with_bodies(scene, closer[:count], scene.drift)
 
 
 @compiled_once
@@ -387,7 +369,7 @@ def widest(scene: Scene, query: Query, kept: Row, owner: int) -> Choice:
         plan = hold(0.0, 0.0, whole_steps(horizon, scene.settings[0].dt))
     if any_moves(scene):
         found = best_plan(scene, query, plan, kept.third)
-        if not is_refused(found):
+        if found.margin > 0.5 * NO_ROOM:
             least = margins(scene, found.plan)
             other = Choice(found.plan, SEARCHED, horizon, least, none, owner)
             choice = better_of(scene, choice, other)

@@ -58,12 +58,6 @@ def least_radius(settings: npt.NDArray[np.void]) -> float:
     return safety_radius(0.0, radius_curve(settings))
 
 
-@compiled
-def is_slow(settings: npt.NDArray[np.void], speed: float) -> bool:
-    """Return whether an obstacle's speed, m/s, is one up to which r_min is least."""
-    return bool(speed <= settings[0].speed_low)
-
-
 @entry
 @compiled
 def activation(kind: int, distance: float, r_min: float, r: float) -> float:

@@ -49,7 +49,6 @@ from qpavoid.avoidance.plan import (
     PROPOSED,
     SEARCHED,
     FilterStateWritten,
-    Plan,
     frame_of_effect,
     hold,
     keep_plan,
@@ -440,14 +439,9 @@ def code_of(
         return HOLDING if rests else BRAKING
     if least.moving < level or least.static < level:
         return RELAXED
-    return HOLDING if rests and is_rest(choice.plan) else PLANNED
-
-
-@compiled
-def is_rest(plan: Plan) -> bool:
-    """Return whether a plan is standing still."""
-    first, then = (plan.v, plan.omega), (plan.v_then, plan.omega_then)
-    return first == (0.0, 0.0) and then == (0.0, 0.0)
+    p = choice.plan
+    stays = (p.v, p.omega) == (0.0, 0.0) and (p.v_then, p.omega_then) == (0.0, 0.0)
+    return HOLDING if rests and stays else PLANNED
 
 
 @compiled_once

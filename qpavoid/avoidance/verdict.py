@@ -56,10 +56,10 @@ from typing import NamedTuple
 from qpavoid.avoidance.bodies import (
     REPLAY_ROUNDING,
     Scene,
-    drifting,
     moves,
     threshold,
     tolerance,
+    with_bodies,
 )
 from qpavoid.avoidance.margin import (
     UNWATCHED,
@@ -232,7 +232,10 @@ def is_clear_actuated(scene: Scene, twist: Pair) -> bool:
     if not is_inexact(scene):
         return True
     s = scene.settings[0]
-    braced, (far, turned) = drifting(scene, drift_of(scene, twist)), scene.pending
+    braced, (far, turned) = (
+        with_bodies(scene, scene.bodies, drift_of(scene, twist)),
+        scene.pending,
+    )
     reach = limits_of(scene.robot).circumradius + way_to_rest(scene, twist)
     # Each pending step may last longer than predicted.
     off = (scene.longest - s.dt) * (far + turned * reach)

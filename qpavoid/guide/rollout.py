@@ -19,8 +19,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.bodies import Scene
-from qpavoid.avoidance.margin import ends_at, line_contact
+from qpavoid.avoidance.bodies import Scene, ends_at, line_contact
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.guide.steering import (
     HEADING,
