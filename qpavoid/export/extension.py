@@ -47,6 +47,9 @@ def extension_text(
         functions="\n\n".join(map(function, unit.entries, range(len(unit.entries)))),
         methods="\n".join(map(method, unit.entries)),
         stamps=f'"{told}"',
+        slots=MOST_SLOTS,
+        views=MOST_VIEWS,
+        numbers=MOST_NUMBERS,
     )
     return f"{POSIX}\n{unit.text}{glue}"
 

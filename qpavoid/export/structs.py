@@ -163,7 +163,7 @@ class Structs(dict[str, Struct]):
     def fields(self, value: Value) -> tuple[str, ...]:
         """Return the names of the parts; empty for other values."""
         if value.kind not in self:
-            return tuple(getattr(value.known, "_fields", ()))
+            return ()
         return field_names(self[value.kind].of, len(self[value.kind].parts))
 
     def common(self, one: Value, other: Value) -> str:

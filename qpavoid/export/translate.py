@@ -349,7 +349,7 @@ class Function(ast.NodeVisitor):
         if function is len and values[0].kind in (*ARRAYS, *self.structs.tables):
             return Value("int", f"{self.simple(values[0]).text}.rows")
         if function is len:
-            return constant(len(self.structs.fields(values[0]) or values[0].known))
+            return constant(len(self.structs.fields(values[0])))
         return called(function, values)
 
     def reshaped(self, base: Value, sizes: Sequence[Value]) -> Value:

@@ -105,17 +105,12 @@ def described(shape: Shape) -> dict[str, Any]:
 
 def layout(record: Record) -> dict[str, Any]:
     """Return offsets, in bytes, and kinds of the fields of a record."""
+    kinds = {True: "double", False: "int64"}
     fields = {
-        name: {"offset": record.dtype.fields[name][1], "kind": kind_of(record, name)}
-        for name in record.dtype.names or ()
-        if record.dtype.fields
+        name: {"offset": offset, "kind": kinds[of == np.float64]}
+        for name, (of, offset, *_) in (record.dtype.fields or {}).items()
     }
     return {"size": record.dtype.itemsize, "fields": fields}
-
-
-def kind_of(record: Record, name: str) -> str:
-    """Return the kind of a field."""
-    return "double" if record.dtype[name] == np.float64 else "int64"
 
 
 def declared(unit: Unit) -> str:

@@ -79,7 +79,7 @@ extern int PyModule_AddStringConstant(PyObject *, const char *, const char *);
 extern void *PyEval_SaveThread(void);
 extern void PyEval_RestoreThread(void *);
 
-enum { MOST_SLOTS = 128, MOST_VIEWS = 24, MOST_NUMBERS = 128 };
+enum { MOST_SLOTS = $slots, MOST_VIEWS = $views, MOST_NUMBERS = $numbers };
 
 /* Read-only numbers from which on other threads may run meanwhile. */
 enum { LONG_CALL = 256 };
