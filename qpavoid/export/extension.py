@@ -44,8 +44,6 @@ def extension_text(
         ),
         calls="\n\n".join(map(trampoline, unit.entries)),
         entries=",\n".join(row(unit, one, classes) for one in unit.entries),
-        functions="\n\n".join(map(function, unit.entries, range(len(unit.entries)))),
-        methods="\n".join(map(method, unit.entries)),
         stamps=f'"{told}"',
         slots=MOST_SLOTS,
         views=MOST_VIEWS,
@@ -102,29 +100,17 @@ def row(unit: Unit, one: Entry, classes: list[type]) -> str:
     takes = "".join(map(program, one.arguments))
     gives = program(one.result, classes)
     assert sum(letter in "vmrVMR" for letter in takes) <= MOST_VIEWS
-    told = [f'"{one.name}", "{takes}", "{gives}", {len(one.arguments)}']
+    about = json.dumps(one.summary, ensure_ascii=False)
+    told = [f'"{one.name}", "{takes}", "{gives}", {about}, {len(one.arguments)}']
     told.append(f"call_{one.name}")
     checks = [other for other in unit.entries if other.name == one.asks]
     assert len(checks) == bool(one.asks)
+    told += [] if checks else ["NULL", "0"]
     for check in checks:
         asked = [(leaf.kind, leaf.least) for leaf in check.leaves]
         assert asked == [(leaf.kind, leaf.least) for leaf in one.leaves[: len(asked)]]
         told += [f"call_{check.name}", str(len(asked))]
     return f"    {{{', '.join(told)}}}"
-
-
-def function(one: Entry, number: int) -> str:
-    """Return the C function that Python calls."""
-    head = (
-        f"static PyObject *py_{one.name}(PyObject *m, PyObject *const *a, Py_ssize_t n)"
-    )
-    return f"{head}\n{{\n    (void)m;\n    return run(&entries[{number}], a, n);\n}}"
-
-
-def method(one: Entry) -> str:
-    """Return the row of an entry in the module's table."""
-    summary = json.dumps(one.summary, ensure_ascii=False)
-    return f'    {{"{one.name}", py_{one.name}, METH_FASTCALL, {summary}}},'
 
 
 def build_extension(file: Path) -> str:

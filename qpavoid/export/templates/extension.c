@@ -75,6 +75,7 @@ extern void *PyCapsule_GetPointer(PyObject *, const char *);
 extern PyObject *PyCFunction_NewEx(PyMethodDef *, PyObject *, PyObject *);
 extern unsigned long PyThread_get_thread_ident(void);
 extern PyObject *PyModule_Create2(PyModuleDef *, int);
+extern int PyModule_AddObjectRef(PyObject *, const char *, PyObject *);
 extern int PyModule_AddStringConstant(PyObject *, const char *, const char *);
 extern void *PyEval_SaveThread(void);
 extern void PyEval_RestoreThread(void *);
@@ -87,7 +88,7 @@ enum { LONG_CALL = 256 };
 typedef struct { double number; double *at; int whole, rows, columns; } slot;
 
 typedef struct {
-    const char *name, *takes, *gives;
+    const char *name, *takes, *gives, *about;
     int arguments;
     void (*call)(const slot *, double *);
     void (*fits)(const slot *, double *); /* whether the first slots fit together; or NULL */
@@ -353,8 +354,13 @@ $calls
 static const entry entries[] = {
 $entries
 };
+enum { ENTRIES = sizeof entries / sizeof *entries };
 
-$functions
+static PyObject *call_entry(PyObject *self, PyObject *const *a, Py_ssize_t n)
+{
+    const entry *of = PyCapsule_GetPointer(self, NULL);
+    return of ? run(of, a, n) : NULL;
+}
 
 /* A filter's call, of which most is the same every time: that is taken apart once, and
  * its buffers are held as long as the call lives. What comes with each call has to be
@@ -672,7 +678,7 @@ static PyObject *bind(PyObject *m, PyObject *const *a, Py_ssize_t n)
     (void)m;
     const char *name = n == 4 ? PyUnicode_AsUTF8AndSize(a[0], NULL) : NULL;
     const entry *of = NULL;
-    for (size_t i = 0; name && i < sizeof entries / sizeof *entries; i++)
+    for (int i = 0; name && i < ENTRIES; i++)
         if (!strcmp(entries[i].name, name))
             of = &entries[i];
     bound_call *b = of ? calloc(1, sizeof *b) : NULL;
@@ -704,8 +710,7 @@ static PyObject *bind(PyObject *m, PyObject *const *a, Py_ssize_t n)
     return bound;
 }
 
-static PyMethodDef methods[] = {
-$methods
+static PyMethodDef of_entries[ENTRIES], methods[] = {
     {"bind", bind, METH_FASTCALL, "Return the call of an entry of which most is known."},
     {NULL, NULL, 0, NULL}};
 
@@ -724,5 +729,14 @@ PyObject *PyInit__native(void)
     new_tuple = (newfunc)PyType_GetSlot(&PyTuple_Type, TP_NEW);
     if (native && PyModule_AddStringConstant(native, "STAMPS", $stamps))
         return NULL;
+    for (int i = 0; native && i < ENTRIES; i++) {
+        const PyMethodDef made = {entries[i].name, call_entry, METH_FASTCALL, entries[i].about};
+        of_entries[i] = made;
+        PyObject *self = PyCapsule_New((void *)&entries[i], NULL, NULL);
+        PyObject *function = self ? PyCFunction_NewEx(&of_entries[i], self, NULL) : NULL;
+        if (!function || PyModule_AddObjectRef(native, made.name, function))
+            return NULL;
+        Py_DecRef(self), Py_DecRef(function);
+    }
     return native;
 }
