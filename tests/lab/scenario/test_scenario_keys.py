@@ -8,12 +8,6 @@ from qpavoid.model.robot import Limits
 from scenario_files import MINIMAL, problems, write
 
 
-@pytest.mark.parametrize("addition", ["dt_s = nan\n", "dt_s = true\n", "seed = 1.5\n"])
-def test_bad_values_at_the_top(tmp_path, addition):
-    (line,) = problems(tmp_path, addition + MINIMAL)
-    assert addition.partition(" ")[0] in line
-
-
 @pytest.mark.parametrize(
     ("section", "message"),
     [
