@@ -37,7 +37,7 @@ CEILINGS = {
     "cli": 1_119,
     "lab": 13_330,
     "comparisons": 6_946,
-    "tests": 24_034,
+    "tests": 24_060,
 }
 """Lines of Python; ``cli`` holds all of the package but robot and lab. These numbers
 and those of FOLDERS fall; new features raise them only with less elsewhere."""

@@ -182,7 +182,8 @@ def test_the_sentences_of_the_readme():
     assert f"contact in {ten[0]} of 500 runs, MPPI in {ten[1]}" in text
     assert sum(len(x) for x, _ in pairs) == 4212 and len(pairs) == 25
     assert f"In all {best[OURS]} sets of scenes" in text
-    assert [best[x] for x in ("mpc-cbf", "mppi", "nmpc")] == [15, 13, 12]
+    many = [best[x] for x in ("mpc-cbf", "mppi", "nmpc")]
+    assert "MPC-CBF in {}, of MPPI in {} and of NMPC in {}.".format(*many) in text
 
 
 def test_pages_are_as_written_and_short():
