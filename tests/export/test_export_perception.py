@@ -144,11 +144,11 @@ def drive(seed):
 def test_every_obstacle_has_the_bits_of_python(tmp_path, seed):
     machine = InC(tmp_path, Capacity(64, 4000, beams=270), SWEPT)
     perception, found, refused = qp.Perception(ROBOT, SWEPT), 0, 0
-    large = qp.Footprint.rectangle(6.0, 5.0)
+    changes = {40: qp.Footprint.rectangle(8.0, 8.0), 60: ROBOT.footprint}
     for k, (ranges, stamp, pose, twist) in enumerate(drive(seed)):
-        if k == 40:
-            machine.fit(large.vertices)
-            perception.fit(replace(ROBOT, footprint=large))
+        if k in changes:
+            machine.fit(changes[k].vertices)
+            perception.fit(replace(ROBOT, footprint=changes[k]))
         try:
             perception.update(ranges, stamp, pose, twist=twist)
             assert machine.update(ranges, stamp, pose, twist) == 0
