@@ -10,8 +10,9 @@ The first clear one of:
 
 Else, and without a proposal, the one with the largest margin, first of static bodies,
 then of moving ones, among: braking along the arc, the rest of the last plan, and among
-moving obstacles the best plan of two twists. If a moving obstacle would touch the robot
-then, static ones need only the minimum clearance instead of r_min.
+moving obstacles the best plan of two twists. Static obstacles need only the minimum
+clearance instead of r_min if a moving one would touch the robot then, or if that plan
+does not keep even the minimum clearance.
 """
 
 import math
@@ -328,14 +329,21 @@ def select_now(scene: Scene, query: Query, kept: Row) -> Choice:
 def fallback(scene: Scene, query: Query, kept: Row, owner: int) -> Choice:
     """Return the choice with the largest margin, see :func:`widest`.
 
-    If a moving body would touch the robot, the choice at the minimum clearance of
-    static bodies, if its margin is larger.
+    The choice at the minimum clearance of static bodies instead, if this one comes
+    nearer to them; or if a moving body would touch the robot, and its margin is larger.
     """
     choice, s = widest(scene, query, kept, owner), scene.settings[0]
-    if not query.ahead or choice.margins.moving >= -s.r_min_slow:
+    level, (static, moving) = threshold(scene), choice.margins
+    touched = moving < -s.r_min_slow
+    if not query.ahead or (static >= level and not touched):
         return choice
-    other = widest(at_min_clearance(scene, query), query, kept, owner)
-    if other.margins.moving <= choice.margins.moving + ALIKE:
+    nearer = at_min_clearance(scene, query)
+    # Inside r_min, required distances differ: a larger margin may be a contact.
+    clear = margins(nearer, choice.plan).static >= level
+    if clear and not touched:
+        return choice
+    other = widest(nearer, query, kept, owner)
+    if clear and other.margins.moving <= moving + ALIKE:
         return choice
     plan, mode, until, _, none, _ = other
     return Choice(plan, mode, until, margins(scene, plan), none, owner)

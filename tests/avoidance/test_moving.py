@@ -12,6 +12,7 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings, LookAhead
 from qpavoid.model.contacts import clearance_of
+from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
@@ -150,6 +151,24 @@ def test_static_obstacles_keep_the_minimum_among_moving_ones(robot, clearance):
         assert from_static >= kept - EPSILON
         lowered += from_static < R_MIN - EPSILON
     assert clearance < math.inf or lowered == 0
+
+
+def test_static_obstacles_keep_the_minimum_once_the_moving_one_is_gone():
+    """Braking would have less shortfall than the rest of the plan, but end at 9 mm."""
+    limits = Limits(-0.5, 1.0, -1.5, 1.5, acceleration=0.5, angular_acceleration=1.5)
+    robot = Robot("cart", Footprint.rectangle(0.6, 0.4), limits)
+    safety, pose = SafetyFilter(robot, AvoidanceSettings(dt=0.1)), (0.0, 0.0, 0.0)
+    points, least = np.array([(0.4, -0.5), (0.9, -0.3)]), []
+    for k in range(24):
+        discs = [(0.12 * k - 1.5, 0.3, 0.2)] if k < 12 else []
+        moving = np.reshape([(1.2, 0.0)] * len(discs), (-1, 2))
+        discs = np.reshape(discs, (-1, 3))
+        world = Obstacles(points=points, discs=discs, disc_velocities=moving)
+        decision = safety.filter(0.3, 0.0, world.seen_from(pose))
+        pose = arc(*pose, *decision[:2], 0.1)
+        seen = Obstacles(points=points).seen_from(pose)
+        least.append(clearance_of(robot.footprint, seen.arrays))
+    assert 0.02 - EPSILON < min(least) < R_MIN - EPSILON
 
 
 def test_a_fast_disc_that_samples_of_a_plan_miss():
