@@ -159,10 +159,9 @@ def check_finite(array: Array, name: str) -> None:
     finite = np.abs(array).sum(axis=1) < FARTHEST
     if not finite.all():
         row = int(np.argmin(finite))
-        raise InvalidInputError(
-            f"{name}[{row}] = {array[row].tolist()} is not finite, or above "
-            f"{FARTHEST:g}; leave out readings without an echo"
-        )
+        hint = "; leave out readings without an echo" if name == "points" else ""
+        wrong = f"{name}[{row}] = {array[row].tolist()} is not finite, or above "
+        raise InvalidInputError(f"{wrong}{FARTHEST:g}{hint}")
 
 
 def check_not_negative(values: Array, name: str) -> None:
