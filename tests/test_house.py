@@ -33,7 +33,7 @@ MOST_ARROWS = 78
 """Pairs of rooms one of which imports the other; the lowest two floors do not count."""
 
 CEILINGS = {
-    "robot": 21_249,
+    "robot": 21_248,
     "cli": 1_119,
     "lab": 13_330,
     "comparisons": 6_946,
