@@ -184,16 +184,13 @@ def driver(method: str) -> Callable[[Pose, Obstacles, Twist], Twist]:
     return drive
 
 
-def drive(
-    visitors: Sequence[Visitor], method: str, seed: int
-) -> tuple[list[Pose], list[list[Any]], Row]:
-    """Return poses, drawn bodies, and the figures of a scene."""
+def drive(visitors: Sequence[Visitor], method: str, seed: int) -> Row:
+    """Return the figures of a scene."""
     dt, pose, twist, late = SETTINGS.dt, STATION, (0.0, 0.0), RETURN
     lidar = replace(LIDAR, seed=seed, perception=method != "points")
     see, decide = scanner(ROBOT, lidar), driver(method)
     walls = box_walls(*BENCH)
-    poses, shown, touched = [pose], [[(x.disc, x.outlines) for x in visitors]], ""
-    near, driven, away, bench = math.inf, 0.0, 0.0, math.inf
+    touched, near, driven, away, bench = "", math.inf, 0.0, 0.0, math.inf
     for k in range(round(LATE / dt)):
         there = seen(visitors, *walls, *ROOM)
         there = there if method == "nothing" else see(k * dt, there, pose)
@@ -208,14 +205,12 @@ def drive(
         driven += abs(twist[0]) * dt
         x, y, turned = tracking_error(pose, STATION)
         away += dt * (math.hypot(x, y) > AWAY[0] or abs(turned) > AWAY[1])
-        poses.append(pose)
-        shown.append([(x.disc, x.outlines) for x in visitors])
         late -= dt * all(x.gone for x in visitors)
         if late < 0.0:
             break
     off = 1000.0 * math.hypot(x, y), math.degrees(abs(turned))
     figures = touched, bench < 0.0, near, driven, away, *off
-    return poses, shown, dict(zip(FIGURES, figures, strict=True))
+    return dict(zip(FIGURES, figures, strict=True))
 
 
 FIGURES = "touched", "bench", "distance_m", "driven_m", "away_s", "off_mm", "off_deg"
@@ -226,7 +221,7 @@ distance, m; way, m; time away from the station, s; final error, mm and degrees.
 def visit(job: tuple[str, str, int]) -> Row:
     """Return the figures of a method, kind and seed."""
     method, kind, seed = job
-    return drive([Visitor(kind, seed)], method, seed)[2]
+    return drive([Visitor(kind, seed)], method, seed)
 
 
 def summary(rows: Sequence[Row], still: Sequence[Row]) -> Row:
