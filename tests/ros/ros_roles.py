@@ -12,7 +12,7 @@ import sys
 import time
 
 import numpy as np
-from ros_world import World
+from ros_world import BOX, DOCK, ROOM, World
 
 from ros_peer import (
     SURE,
@@ -30,7 +30,6 @@ from ros_peer import (
 )
 
 PoseStamped = message("geometry_msgs/msg/PoseStamped")
-PathMessage = message("nav_msgs/msg/Path")
 TransformStamped = message("geometry_msgs/msg/TransformStamped")
 Transform = message("geometry_msgs/msg/Transform")
 TFMessage = message("tf2_msgs/msg/TFMessage")
@@ -39,10 +38,6 @@ PoseArray = message("geometry_msgs/msg/PoseArray")
 Bool = message("std_msgs/msg/Bool")
 
 RATE, R_MIN = 40.0, 0.1
-ROOM = [(-5, -5, 5, -5), (5, -5, 5, 5), (5, 5, -5, 5), (-5, 5, -5, -5)]
-LOW, HIGH = (-0.3, -0.4), (0.3, 0.4)
-BOX = [(*LOW, -0.3, 0.4), (0.3, -0.4, *HIGH), (-0.3, 0.4, *HIGH), (*LOW, 0.3, -0.4)]
-DOCK = [(4.0, -0.3, 4.0, 0.3), (3.6, 0.62, 4.0, 0.62), (3.6, 0.62, 3.6, 1.5)]
 ROBOT = {
     "robot_preset": "mir100_rectangle",
     "robot.footprint_m": "'[[0.25, 0.2], [-0.25, 0.2], [-0.25, -0.2], [0.25, -0.2]]'",

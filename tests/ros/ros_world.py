@@ -4,6 +4,12 @@ import math
 
 import numpy as np
 
+ROOM = [(-5, -5, 5, -5), (5, -5, 5, 5), (5, 5, -5, 5), (-5, 5, -5, -5)]
+LOW, HIGH = (-0.3, -0.4), (0.3, 0.4)
+BOX = [(*LOW, -0.3, 0.4), (0.3, -0.4, *HIGH), (-0.3, 0.4, *HIGH), (*LOW, 0.3, -0.4)]
+DOCK = [(4.0, -0.3, 4.0, 0.3), (3.6, 0.62, 4.0, 0.62), (3.6, 0.62, 3.6, 1.5)]
+"""Walls: a room, a box in it, a dock and two walls beside it."""
+
 
 class World:
     """Segments (n, 4), people (x, y, radius, v_x, v_y), and a rectangular robot.
