@@ -2,7 +2,6 @@
 
 What compares bits waits for numba to compile, and is run by ``.ci/run`` on its own."""
 
-import importlib.util
 import os
 import subprocess
 import sys
@@ -16,7 +15,7 @@ import numpy as np
 import pytest
 
 from hostile_filters import FILTERS, in_python, problems_of
-from in_c import COMPILER
+from in_c import COMPILER, loaded
 from places import ROOT
 from qpavoid import Guide, Obstacles, Robot
 from qpavoid.avoidance.bodies import Request, Setup
@@ -41,13 +40,6 @@ for module in HOOK["targets"]["wheel"]["hooks"]["custom"]["modules"]:
     import_module(module)
 
 pytestmark = pytest.mark.skipif(not (system_compiler() or zig()), reason="no compiler")
-
-
-def loaded(file):
-    spec = importlib.util.spec_from_file_location("_native", file)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.fixture(scope="module")
@@ -117,9 +109,9 @@ def test_a_guide_that_searches_a_way_has_the_bits_of_numba(both):
 GOOD = Robot.mir100().limit_vector
 
 
-def shapes_of(entry):
-    hints = get_type_hints(entry.py_func, include_extras=True)
-    return [shape_of(hints[name], name) for name in signature(entry.py_func).parameters]
+def shapes_of(function):
+    hints = get_type_hints(function, include_extras=True)
+    return [shape_of(hints[name], name) for name in signature(function).parameters]
 
 
 def given_for(entry, wrong=None, make=None, more=0):
@@ -138,11 +130,11 @@ def given_for(entry, wrong=None, make=None, more=0):
             right = np.zeros(1, shape.record.dtype)
         return make(right) if number == wrong else right
 
-    return [*map(made, shapes_of(entry))]
+    return [*map(made, shapes_of(entry.py_func))]
 
 
 def arrays_of(entry):
-    leaves = [leaf for shape in shapes_of(entry) for leaf in shape.leaves]
+    leaves = [leaf for shape in shapes_of(entry.py_func) for leaf in shape.leaves]
     arrays = ("int", "bool", "double")
     return [(i, leaf) for i, leaf in enumerate(leaves) if leaf.kind not in arrays]
 
@@ -517,11 +509,6 @@ def bits(given):
 
 def told(function, given):
     """Arguments that are only read, by their annotations."""
-    from inspect import signature
-    from typing import get_type_hints
-
-    hints = get_type_hints(function, include_extras=True)
-    shapes = [shape_of(hints[name], name) for name in signature(function).parameters]
 
     def read(shape, one):
         if not shape.kind:
@@ -529,7 +516,9 @@ def told(function, given):
             return tuple(x for part, value in parts for x in read(part, value))
         return () if shape.written else (bits(one),)
 
-    return [x for pair in zip(shapes, given, strict=False) for x in read(*pair)]
+    return [
+        x for pair in zip(shapes_of(function), given, strict=False) for x in read(*pair)
+    ]
 
 
 class Both:

@@ -95,6 +95,16 @@ COVERED = np.linspace(0.1, 0.12, 72)
 """Ranges of a lens with something on it: every beam ends on the robot itself."""
 
 
+@pytest.mark.parametrize("driven", [(math.nan, 0.0), (0.0, math.inf)])
+def test_what_is_driven_and_not_finite_is_a_fault(driven):
+    world = World(guarded())
+    assert world.steps(3)[-1].v == 0.4
+    step = world.step(driven=driven)
+    assert step.faults == {"driven": Fault.INVALID} and step.decision is None
+    assert math.isfinite(step.v) and 0.0 <= step.v < 0.4
+    assert world.step().v == pytest.approx(0.4)
+
+
 def spoilt(part, name, value):
     """A scan with a field of the message, or of its header or stamp, replaced."""
 
