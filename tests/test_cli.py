@@ -44,23 +44,6 @@ def test_compare_writes_tables_figures_and_logs(config, tmp_path, capsys):
     assert "steps" not in printed.err
     summary = json.loads((out / "summary.json").read_text())
     assert [run["controller"] for run in summary] == [*OURS, "qp-ahead+guide"]
-    wanted = {
-        "scenario",
-        "controller",
-        "solver",
-        "zone_entry_s",
-        "zone_exit_s",
-        "min_clearance_m",
-        "time_below_r_min_s",
-        "rms_error_m",
-        "final_error_m",
-        "final_heading_error_rad",
-        "v_min_mps",
-        "v_max_mps",
-        "omega_max_radps",
-        "solve_median_us",
-    }
-    assert all(wanted <= set(run) for run in summary)
     assert summary[0]["solve_median_us"] is None
     assert summary[2]["solve_median_us"] > 0
     assert [run["solver"] for run in summary[1:3]] == ["closed form", "exact"]

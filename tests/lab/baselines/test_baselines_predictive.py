@@ -46,23 +46,17 @@ CROSSES = (
 
 
 QUICK = [name for name in NAMES if name not in PROGRAMS]
-LONG = [pytest.param(name, marks=pytest.mark.slow) for name in PROGRAMS]
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_a_disc_that_stands_is_passed(name, tmp_path):
-    passes(name, STANDS, tmp_path)
-
-
-@pytest.mark.parametrize("name", [*QUICK, *LONG])
-def test_a_disc_that_crosses_is_passed(name, tmp_path):
-    passes(name, CROSSES, tmp_path)
-
-
-def passes(name, text, tmp_path):
+@pytest.mark.parametrize(
+    ("name", "scene"),
+    [*((name, STANDS) for name in NAMES), *((name, CROSSES) for name in QUICK)]
+    + [pytest.param(x, CROSSES, marks=pytest.mark.slow) for x in PROGRAMS],
+)
+def test_a_disc_that_stands_or_crosses_is_passed(name, scene, tmp_path):
     make(name)
     file = tmp_path / "scene.toml"
-    file.write_text(text)
+    file.write_text(scene)
     result = metrics(run(load_scenario(file), name))
     assert result["min_clearance_m"] > 0.1
     assert result["outcome"] == "arrived"

@@ -27,23 +27,6 @@ def halved(v, omega, obstacles, context):
     return 0.5 * v, 0.5 * omega
 
 
-class Careful:
-    """Stops for good where anything is nearer than a metre, until its next run."""
-
-    def __init__(self, robot, settings):
-        self.reach = robot.footprint.circumradius + 1.0
-
-    def start(self, v, omega):
-        stopped = False
-
-        def step(v, omega, obstacles, context):
-            nonlocal stopped
-            stopped = stopped or len(obstacles.within(self.reach)) > 0
-            return (0.0, 0.0) if stopped else (v, omega)
-
-        return step
-
-
 def wild(v, omega, obstacles, context):
     return 1e9, -1e9
 

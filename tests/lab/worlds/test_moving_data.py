@@ -142,11 +142,16 @@ def test_an_episode_ends_at_the_first_jump_or_goes_back(tmp_path):
         ({"x": [0, 1, float("nan")]}, "worlds.3.0.x.2: Input should be a finite"),
         ({"period": 4}, "worlds.3.0: .*the last key frame is not at the period"),
         ({"t": [0], "x": [0], "y": [0]}, "worlds.3.0.t: List should have at least 2"),
+        ({"t": [0, 0.5, 1e-300], "period": 1e-300}, "times must increase"),
+        ({"t": [0, 1e-301, 1e-300], "period": 1e-300}, "key frames"),
+        ({"timeout_s": 1e12}, "e.12 key frames"),
+        ({"timeout_s": float("inf")}, "timeout_s: Input should be a finite"),
     ],
 )
 def test_damaged_key_frames(tmp_path, change, error):
-    file = tmp_path / "dynabarn.json"
-    frame = TO_AND_FRO["worlds"]["3"][0] | change
-    file.write_text(json.dumps(TO_AND_FRO | {"worlds": {"3": [frame]}}))
+    """Of a frame or of the file; some worlds would have frames without end."""
+    file, frame = tmp_path / "dynabarn.json", TO_AND_FRO["worlds"]["3"][0] | change
+    document = TO_AND_FRO | change | {"worlds": {"3": [frame]}}
+    file.write_text(json.dumps(document))
     with pytest.raises(DataError, match=error):
-        dynabarn.read_world(file, 3)
+        dynabarn.read_world(file, 3, "reverse")
