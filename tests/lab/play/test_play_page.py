@@ -9,7 +9,6 @@ import time
 import tomllib
 from contextlib import contextmanager
 from pathlib import Path
-from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -106,11 +105,11 @@ def config(tmp_path):
 
 
 @contextmanager
-def played(browser, config, tmp_path, start="#paused", **how):
-    """The page of a scenario; it says no errors and asks for nothing."""
+def played(browser, config, tmp_path):
+    """The page of a scenario, which stands still at first."""
     page = tmp_path / "play.html"
     page.write_text(play_page(program(), str(config), ["qp", "qp-ahead"]))
-    with opened(browser, page.as_uri() + start, **how) as found:
+    with opened(browser, page.as_uri() + "#paused") as found:
         until(found, "play.frames() > 0")
         yield found
 
@@ -208,29 +207,19 @@ def test_by_lidar_it_drives_as_run_does(browser, config, tmp_path, lidar, steps)
 
 
 @needs_program
-def test_by_lidar_a_parked_robot_lets_a_walker_pass(browser, config, tmp_path):
-    """With noise: the velocity is right within 0.1 m/s; the robot comes back."""
+def test_the_page_has_a_lidar_whose_view_is_set_and_saved(browser, config, tmp_path):
     config.write_text(PASSED)
-    file, found = tmp_path / "lidar.toml", []
+    file = tmp_path / "lidar.toml"
     with played(browser, config, tmp_path) as page:
         assert not page.is_visible("#view")
         page.select_option("#sees", "lidar")
         page.evaluate("play.restart()")
-        for _ in range(12):
-            page.evaluate("play.advance(50)")
-            known = page.evaluate("play.known('qp-ahead')")
-            found += known["velocities"]
-        page.evaluate("play.advance(300)")
-        frames = page.evaluate("play.kept('qp-ahead')")
         page.locator("#view").fill("270")
-        ends = np.array(page.evaluate("play.known().scan")) - frames[-1]["xr"]
+        page.evaluate("play.advance(1)")
+        (frame,) = page.evaluate("play.kept('qp-ahead')")
+        ends = np.array(page.evaluate("play.known().scan")) - frame["xr"]
         told = saved(page, file)
-    errors = [math.hypot(v_x + 0.6, v_y) for v_x, v_y in found]
-    assert len(errors) >= 8 and np.quantile(errors, 0.8) < 0.1
-    away = [math.hypot(frame["x"], frame["y"]) for frame in frames]
-    assert max(away) > 0.3 and away[-1] < 0.05
-    assert min(frame["clearance"] for frame in frames) > 0.05
-    bearings = np.degrees(np.arctan2(*ends.T[::-1]) - frames[-1]["heading"])
+    bearings = np.degrees(np.arctan2(*ends.T[::-1]) - frame["heading"])
     assert len(ends) == 360 and np.ptp((bearings + 180.0) % 360.0) < 271.0
     assert told["lidar"] == {"field_of_view_rad": pytest.approx(1.5 * math.pi)}
     assert load_scenario(file).lidar.perception
@@ -337,7 +326,6 @@ def fits(values):
 
 @needs_program
 def test_what_does_not_fit_together_is_what_python_refuses(browser, config, tmp_path):
-    rng = np.random.default_rng(8)
     usual = {key: values[0] for key, values in TOGETHER.items()}
     usual |= {"ahead.tick_s": 0.05, "radius.r_min_fast_m": 0.2}
     usual |= {"radius.speed_high_mps": 0.5, "guide.blocked_time_s": 3.0}
@@ -345,10 +333,6 @@ def test_what_does_not_fit_together_is_what_python_refuses(browser, config, tmp_
     for keys in itertools.combinations(TOGETHER, 2):  # all values of two
         for pair in itertools.product(*(TOGETHER[key] for key in keys)):
             every.append(usual | dict(zip(keys, pair, strict=True)))
-    for _ in range(100):
-        every.append(
-            {k: values[rng.integers(len(values))] for k, values in TOGETHER.items()}
-        )
     with played(browser, config, tmp_path) as page:
         said = page.evaluate("every => every.map((one) => play.misfit(one))", every)
     assert [not text for text in said] == [fits(values) for values in every]
@@ -401,42 +385,29 @@ def test_the_command_writes_a_page(config, tmp_path, capsys):
     assert 200_000 < page.stat().st_size < 1_000_000
 
 
-NAMES = ("chromium", "chromium-browser", "google-chrome")
-FLAGS = (
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-)
-
-
 @contextmanager
 def chromium():
     """A headless Chromium; the test is skipped where there is none."""
     sync_api = pytest.importorskip(
         "playwright.sync_api", reason="no playwright: pip install 'qpavoid[test]'"
     )
+    names = "chromium", "chromium-browser", "google-chrome"
     path = os.environ.get("QPAVOID_CHROMIUM") or next(
-        filter(None, map(shutil.which, NAMES)), None
+        filter(None, map(shutil.which, names)), None
     )
     if path is None:
-        pytest.skip(f"no Chromium: none of {', '.join(NAMES)}; set QPAVOID_CHROMIUM")
+        pytest.skip(f"no Chromium: none of {', '.join(names)}; set QPAVOID_CHROMIUM")
+    flags = "--no-sandbox", "--disable-gpu", "--disable-background-networking"
     with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
+        browser = playwright.chromium.launch(executable_path=path, args=flags)
         yield browser
         browser.close()
 
 
 @contextmanager
-def opened(browser, url, width=1280, height=900, dark=False, errors_allowed=False):
-    """A page at a URL; it must say no errors and ask nobody but its own server."""
-    scheme = "dark" if dark else "light"
-    context = browser.new_context(
-        viewport={"width": width, "height": height}, color_scheme=scheme
-    )
+def opened(browser, url):
+    """A page at a URL; it reports no error and requests nothing from elsewhere."""
+    context = browser.new_context(viewport={"width": 1280, "height": 900})
     page, errors, outside = context.new_page(), [], []
 
     def said(message):
@@ -444,11 +415,8 @@ def opened(browser, url, width=1280, height=900, dark=False, errors_allowed=Fals
             errors.append(message.text)
 
     def asked(request):
-        if request.url.startswith(("data:", "blob:", "about:")):
-            return
-        own, other = urlsplit(url), urlsplit(request.url)
-        served = own.netloc and own.netloc == other.netloc
-        if not served and request.url != url.partition("#")[0]:
+        inline = request.url.startswith(("data:", "blob:", "about:"))
+        if not inline and request.url != url.partition("#")[0]:
             outside.append(request.url)
 
     page.on("console", said)
@@ -457,5 +425,4 @@ def opened(browser, url, width=1280, height=900, dark=False, errors_allowed=Fals
     page.goto(url)
     yield page
     context.close()
-    assert errors_allowed or errors == [], errors
-    assert outside == [], outside
+    assert errors == outside == []
