@@ -15,21 +15,19 @@ from qpavoid.guide.rollout import (
     HOLD,
     PARK,
     ROWS,
+    TOP_TWIST,
     TRACK,
     Candidate,
     Course,
-    arrival,
-    at_pace,
-    parking,
-    roll_on,
-)
-from qpavoid.guide.steering import (
-    TOP_TWIST,
     V,
     X,
     Y,
+    arrival,
+    at_pace,
     follow_twist,
     nearest_row,
+    parking,
+    roll_on,
 )
 from qpavoid.model.kinematics import Frame
 from qpavoid.model.robot import GREATEST, limits_of

@@ -17,17 +17,19 @@ from qpavoid.guide.rest import EXACT, JUMP, Bounds, Rest, beyond_band
 from qpavoid.guide.rollout import ROWS, TICK, fill_ahead
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.guide.sight import Sight
-from qpavoid.guide.stage import GuideStage, Tracking, fresh_stage
-from qpavoid.guide.state import (
+from qpavoid.guide.stage import (
     ACTION,
     ACTION_SHARE,
     CLEAR,
     COUNT,
     DETOUR,
+    NO_PATH,
     SEARCHING,
     STAGE_MODE,
     STILL,
-    Progress,
+    GuideStage,
+    Tracking,
+    fresh_stage,
 )
 from qpavoid.model.contacts import clearance_of
 from qpavoid.model.footprint import Footprint
@@ -94,18 +96,6 @@ class Asked(NamedTuple):
         return bool((off <= SAME_PATH).all())
 
 
-def as_speed(value: float) -> float:
-    """Return a speed, m/s.
-
-    Raises:
-        InvalidInputError: Not a finite number, or below :data:`TINY`.
-    """
-    speed = as_number(value, "speed")
-    if speed < TINY:
-        raise InvalidInputError(f"speed must be above 0, not {speed:g}")
-    return speed
-
-
 def look_short(
     settings: AvoidanceSettings, guide: GuideSettings
 ) -> tuple[AvoidanceSettings, GuideSettings]:
@@ -114,11 +104,6 @@ def look_short(
     ahead = replace(ahead, horizon=min(ahead.horizon, SHORT), horizon_still=still)
     guide = replace(guide, horizon=min(guide.horizon, SHORT))
     return replace(settings, ahead=ahead), guide
-
-
-def memory_ahead(settings: GuideSettings | None) -> Array:
-    """Return memory for the reference ahead; without rows if there is no guide."""
-    return np.empty((0 if settings is None else ROWS, 5))
 
 
 def standing(pose: Pose | Array) -> Array:
@@ -156,7 +141,7 @@ class PathTracking:
         self, tracker: Tracker, clock: Waiting, dt: float, stage: GuideSettings | None
     ) -> None:
         self._track, self._waiting, self._dt = tracker.start(), clock, dt
-        self._ahead = memory_ahead(stage)
+        self._ahead = np.empty((0 if stage is None else ROWS, 5))
 
     def follow(self, plan: Array, place: float = 0.0) -> None:
         """Follow a plan from ``place`` on, in rows."""
@@ -381,9 +366,9 @@ class Guide:
         self._begin(plan, asked)
 
     def _as_speed(self, value: float) -> float:
-        speed, dead = as_speed(value), self.robot.limits.v_dead
-        if speed <= dead:
-            raise InvalidInputError(f"speed must be above the dead band, {dead:g} m/s")
+        speed, dead = as_number(value, "speed"), self.robot.limits.v_dead
+        want(speed >= TINY, f"speed must be above 0, not {speed:g}")
+        want(speed > dead, f"speed must be above the dead band, {dead:g} m/s")
         return speed
 
     def _planned(self, points: Array, speed: float, turn: float = 0.0) -> Array:
@@ -551,9 +536,9 @@ class Guide:
             tracking = tracking._replace(desired=error[:2], error=error, ahead=ahead)
         v = min(max(tracking.desired[0], -speed), speed)
         tracking = tracking._replace(desired=(v, tracking.desired[1]))
-        progress, v, omega = self._stage(rated, tracking)
+        mode, v, omega = self._stage(rated, tracking)
         late = self._headway.time >= self._guide.blocked_time
-        self._blocked = late or progress is Progress.BLOCKED
+        self._blocked = late or mode == NO_PATH
         v = min(max(v, -speed), speed)
         if not self._stays(v, omega):
             # Without anybody to give way to, the way back is that of the tracking.

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qpavoid.guide.steering import AT
+from qpavoid.guide.rollout import AT
 from qpavoid.model.kinematics import TINY, arc
 from qpavoid.model.robot import Limits, limit_twist
 from qpavoid.tracking.kanayama import tracking_error

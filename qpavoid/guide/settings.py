@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.avoidance.settings import SafetyRadius
-from qpavoid.guide.geodesic import CELL
+from qpavoid.guide.local_grid import CELL
 from qpavoid.model.robot import Robot
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, Range, check, want
 from qpavoid.types import Record, record_type

@@ -4,12 +4,13 @@ While the robot makes progress, the guide drives the cheapest candidate over the
 seconds (:mod:`qpavoid.guide.choice`). A robot is stalled if it has a desired twist, is
 not at its reference and has not moved by ``progress`` in ``stall_time``. Then a path to
 the reference, or to the next free pose ahead of it, is searched among the known
-obstacles (:mod:`qpavoid.guide.way`) and followed. It is retained as long as it is free
-and the robot makes progress, so that the side does not flip; a robot that is wedged in
-backs out first. When the straight path to the reference is free, tracking resumes.
-Without a path the robot holds, and after ``blocked_time`` the stage reports
-``blocked``: a request for a new plan. It resumes when a path opens. Its desired twist
-goes through the safety filter.
+obstacles (:mod:`qpavoid.guide.hybrid_astar`) and followed. It is retained as long as it
+is free and the robot makes progress, so that the side does not flip; a robot that is
+wedged in backs out first. When the straight path to the reference is free, tracking
+resumes. Without a path the robot holds, and after ``blocked_time`` the stage reports
+it: a request for a new plan. It resumes when a path opens. Its desired twist goes
+through the safety filter. All poses of its state are in the robot frame, m, m, rad, and
+move with the robot.
 """
 
 import math
@@ -30,7 +31,7 @@ from qpavoid.avoidance.bodies import (
 from qpavoid.avoidance.plan import ARC
 from qpavoid.avoidance.settings import AvoidanceSettings, radius_curve
 from qpavoid.avoidance.step import has_valid_sizes
-from qpavoid.compiled import compiled_once, entry, entry_if
+from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.guide.choice import (
     FASTEST,
     KIND,
@@ -43,45 +44,32 @@ from qpavoid.guide.choice import (
     track_on,
     twist_of,
 )
-from qpavoid.guide.geodesic import CELL
-from qpavoid.guide.rollout import TICK, Course, at_pace
-from qpavoid.guide.room import AMPLE, Field, line_room, outline, pose_room, room_field
-from qpavoid.guide.settings import MOST_REACH, GuideSettings, Settings
-from qpavoid.guide.state import (
-    BACK_TIME,
-    BACKED,
-    BACKING,
-    BACKS,
-    BEGUN,
-    CHOICE_DUE,
-    CHOSEN,
-    CLEAR,
-    COUNT,
-    DETOUR,
-    FAILURES,
-    LEAD,
-    LOOKED,
-    NO_PATH,
-    PROGRESS,
-    SEARCHING,
-    STAGE_MODE,
-    STATE_SIZE,
-    STILL,
-    WAY,
-    Progress,
-    back_out,
-    clear,
-    follow,
-    has_way,
-    is_done,
-    note_motion,
-    way_room,
+from qpavoid.guide.hybrid_astar import (
+    ACTIONS,
+    ARC_LENGTH,
+    MOST_ACTIONS,
+    TURN,
+    Search,
+    field_in,
+    find_way,
+    search_size,
 )
-from qpavoid.guide.steering import X, Y
-from qpavoid.guide.way import Search, field_in, find_way, search_size
+from qpavoid.guide.local_grid import (
+    AMPLE,
+    CELL,
+    Field,
+    line_room,
+    outline,
+    pose_room,
+    room_field,
+)
+from qpavoid.guide.rollout import TICK, Course, X, Y, at_pace
+from qpavoid.guide.settings import MOST_REACH, GuideSettings, Settings
 from qpavoid.model.contacts import most_contacts
+from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
+from qpavoid.tracking.kanayama import kanayama, tracking_error
 from qpavoid.types import (
     Array,
     Arrays,
@@ -93,6 +81,134 @@ from qpavoid.types import (
     Vector,
     VectorWritten,
 )
+
+CLEAR, SEARCHING, DETOUR, BACKING, NO_PATH = range(5)
+"""Modes: tracking or a candidate, without a path yet, on a path, backing out, and
+without a path for ``blocked_time``."""
+
+(
+    STAGE_MODE,  # CLEAR, SEARCHING, DETOUR or BACKING
+    STILL,  # s since the robot was last ``progress`` away from the mark
+    MARK,  # x, y, turn of the mark in the robot frame, m, m, rad
+    LOOKED,  # s since the obstacles were last checked
+    LEAD,  # x, y, turn of the pose that the robot follows, m, m, rad
+    ACTION,  # action of the path that this pose is in
+    ACTION_SHARE,  # of that action done, 0 to 1
+    COUNT,  # of actions
+    FAILURES,  # paths on which the robot got stuck since a search last failed
+    BACKED,  # s of backing out
+    BACKS,  # number of times backed out since last clear
+    BEGUN,  # s since the first search, or the last path that failed
+    CHOICE_DUE,  # control steps until the candidates are scored again
+    CHOSEN,  # the candidate that is driven
+    WAY,  # the first action
+) = (0, 1, 2, 5, 6, 9, 10, 11, 12, 13, 14, 15, 16, 17, 22)
+STATE_SIZE = WAY + MOST_ACTIONS
+
+BACK_TIME, MOST_BACKS = 3.0, 2
+"""s of backing out, and number of times."""
+
+TURNED = 0.5
+"""rad; turn on a detour that counts as progress."""
+
+LEASH, LEASH_TURN = 0.3, 0.5
+"""m and rad; lag of the robot behind the followed pose at which that stops."""
+
+DONE = 1.0 - 1e-9
+"""Share of an action from which on it is done; tolerates rounding of steps."""
+
+GAINS = 1.5, 6.0, 3.0
+"""k_x, k_y, k_γ of Eq. 6 on a detour."""
+
+
+@compiled
+def set_mark(state: Array) -> None:
+    """Set the mark to the robot's pose."""
+    state[MARK], state[MARK + 1], state[MARK + 2] = 0.0, 0.0, 0.0
+
+
+@compiled_once
+def note_motion(state: Array, progress: float, driven: Twist, dt: float) -> None:
+    """Update clocks and poses after a step in which a twist was driven."""
+    pose = arc(0.0, 0.0, 0.0, driven[0], driven[1], dt)
+    for k in (MARK, LEAD):
+        known = (state[k], state[k + 1], state[k + 2])
+        state[k], state[k + 1], state[k + 2] = tracking_error(pose, known)
+    state[STILL] += dt
+    state[LOOKED] += dt
+    state[BEGUN] += dt
+    far = state[MARK] ** 2 + state[MARK + 1] ** 2 > progress**2
+    if far or (state[STAGE_MODE] == DETOUR and abs(state[MARK + 2]) > TURNED):
+        state[STILL] = 0.0
+        set_mark(state)
+
+
+@compiled_once
+def clear(state: Array) -> None:
+    """Resume tracking, with the clock at zero and the mark at the robot's pose."""
+    state[STAGE_MODE], state[STILL] = CLEAR, 0.0
+    set_mark(state)
+
+
+@compiled_once
+def has_way(state: Array) -> bool:
+    """Return whether the remaining actions are valid."""
+    place, count = state[ACTION], state[COUNT]
+    if not (0.0 <= place and 0.0 <= count <= MOST_ACTIONS):
+        return False
+    for k in range(int(count)):
+        if not 0.0 <= state[WAY + k] < len(ACTIONS):
+            return False
+    return True
+
+
+@compiled_once
+def is_done(state: Array) -> bool:
+    """Return whether the path has been followed to its end."""
+    return bool(state[ACTION] >= state[COUNT])
+
+
+@compiled_once
+def back_out(state: Array, speed: float) -> bool:
+    """Begin to back out unless done too often; return whether it begins."""
+    if state[BACKS] >= MOST_BACKS or speed == 0.0:
+        return False
+    state[STAGE_MODE], state[BACKED] = BACKING, 0.0
+    state[BACKS] += 1.0
+    return True
+
+
+@compiled_once
+def way_room(state: Array, field: Field) -> float:
+    """Return the least margin on the rest of the path, m."""
+    x, y, turn = state[LEAD], state[LEAD + 1], state[LEAD + 2]
+    least, share = AMPLE, 1.0 - state[ACTION_SHARE]
+    for k in range(int(state[ACTION]), int(state[COUNT])):
+        drive, bend = ACTIONS[int(state[WAY + k])]
+        x, y, turn = arc(x, y, turn, drive * ARC_LENGTH, bend * TURN, share)
+        least = min(least, pose_room(field, x, y, turn))
+        share = 1.0
+    return least
+
+
+@compiled_once
+def follow(state: Array, speed: float, turn_rate: float, dt: float) -> Twist:
+    """Return the twist that follows the path; the followed pose waits for the robot."""
+    drive, bend = ACTIONS[int(state[WAY + int(state[ACTION])])]
+    time = max(abs(drive) * ARC_LENGTH / speed, abs(bend) * TURN / turn_rate)
+    v, omega = drive * ARC_LENGTH / time, bend * TURN / time
+    away = math.sqrt(state[LEAD] ** 2 + state[LEAD + 1] ** 2) / LEASH
+    away = max(away, abs(state[LEAD + 2]) / LEASH_TURN)
+    pace = min(max(2.0 - 2.0 * away, 0.0), 1.0)
+    step = min(pace * dt, time * (1.0 - state[ACTION_SHARE]))
+    x, y, turn = arc(state[LEAD], state[LEAD + 1], state[LEAD + 2], v, omega, step)
+    state[LEAD], state[LEAD + 1], state[LEAD + 2] = x, y, turn
+    state[ACTION_SHARE] += step / time
+    if state[ACTION_SHARE] >= DONE:
+        state[ACTION_SHARE] = 0.0
+        state[ACTION] += 1.0
+    return kanayama((x, y, turn), (pace * v, pace * omega), GAINS)
+
 
 WANTS_V, WANTS_OMEGA = 0.02, 0.05
 """m/s and rad/s; a desired twist below both is standing still."""
@@ -142,7 +258,7 @@ class StageMemory(NamedTuple):
 
     Attributes:
         bodies: :data:`PER_CONTACT` numbers per contact.
-        search: :func:`qpavoid.guide.way.search_size` numbers.
+        search: :func:`qpavoid.guide.hybrid_astar.search_size` numbers.
     """
 
     bodies: VectorWritten
@@ -156,7 +272,7 @@ class Stage(NamedTuple):
         setup: Of the filter behind it.
         law: Of the tracker.
         settings: From :meth:`GuideSettings.record`; of size 0: no stage.
-        body: (n, 2) from :func:`qpavoid.guide.room.outline`.
+        body: (n, 2) from :func:`qpavoid.guide.local_grid.outline`.
     """
 
     setup: Setup
@@ -248,7 +364,7 @@ def guide_step(
     obstacles: Arrays,
     tracking: Tracking,
 ) -> tuple[int, float, float]:
-    """Return a number of :data:`PROGRESS` and the desired twist, m/s and rad/s.
+    """Return the mode and the desired twist, m/s and rad/s.
 
     Args:
         stage: Settings, tracker and filter.
@@ -378,8 +494,8 @@ def _target(
     return False, e_x, e_y
 
 
-Avoid: TypeAlias = Callable[[Obstacles, Tracking], tuple[Progress, float, float]]
-"""Function from obstacles, robot frame, and tracking to the stage's progress, v, ω."""
+Avoid: TypeAlias = Callable[[Obstacles, Tracking], tuple[int, float, float]]
+"""Function from obstacles, robot frame, and tracking to the stage's mode, v, ω."""
 
 
 @dataclass(frozen=True)
@@ -413,17 +529,12 @@ class GuideStage:
         stage, state = self.stage, fresh_stage() if state is None else state
         memory = stage_memory(0, stage.settings)
 
-        def avoid(
-            obstacles: Obstacles, tracking: Tracking
-        ) -> tuple[Progress, float, float]:
+        def avoid(obstacles: Obstacles, tracking: Tracking) -> tuple[int, float, float]:
             nonlocal memory
             most = most_contacts(stage.setup.edges, obstacles.arrays)
             if len(memory.bodies) < most * PER_CONTACT:
                 memory = memory._replace(bodies=np.empty(most * PER_CONTACT))
-            code, v, omega = guide_step(
-                stage, state, memory, obstacles.arrays, tracking
-            )
-            return PROGRESS[code], v, omega
+            return guide_step(stage, state, memory, obstacles.arrays, tracking)
 
         return avoid
 

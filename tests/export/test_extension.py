@@ -27,8 +27,15 @@ from qpavoid.compiled import ENTRIES
 from qpavoid.export.build import FLAGS, MACOS, SHARED, compile_c, system_compiler, zig
 from qpavoid.export.entries import shape_of
 from qpavoid.export.extension import build_extension, extension_text
-from qpavoid.guide.stage import GuideStage, Tracking, fresh_stage, stage_memory
-from qpavoid.guide.state import ACTION, COUNT, WAY
+from qpavoid.guide.stage import (
+    ACTION,
+    COUNT,
+    WAY,
+    GuideStage,
+    Tracking,
+    fresh_stage,
+    stage_memory,
+)
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.run import run

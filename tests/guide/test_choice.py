@@ -32,11 +32,11 @@ from qpavoid.guide.rollout import (
     Candidate,
     Course,
     arrival,
+    park_twist,
     roll_on,
 )
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.guide.stage import GuideStage
-from qpavoid.guide.steering import park_twist
 from qpavoid.model.kinematics import arc
 from qpavoid.model.robot import limit_twist
 from qpavoid.tracking.kanayama import Gains, tracking_error

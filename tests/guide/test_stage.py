@@ -9,8 +9,7 @@ from qpavoid.avoidance.settings import SafetyRadius
 from qpavoid.errors import InvalidInputError
 from qpavoid.guide.guide import ROWS
 from qpavoid.guide.settings import GuideSettings
-from qpavoid.guide.stage import GuideStage, Tracking
-from qpavoid.guide.state import Progress
+from qpavoid.guide.stage import CLEAR, GuideStage, Tracking
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
 
@@ -22,7 +21,7 @@ def test_a_robot_that_stands_where_it_should_is_never_stalled(robot):
     avoid, beside = GuideStage(robot).start(), Obstacles(discs=[(1.0, 0.0, 0.2)])
     rests = Tracking((0.0, 0.0), (0.5, 0.0, 0.0), 0.0, (0.0, 0.0), DT, STANDING)
     for _ in range(1000):
-        assert avoid(beside, rests) == (Progress.CLEAR, 0.0, 0.0)
+        assert avoid(beside, rests) == (CLEAR, 0.0, 0.0)
 
 
 def test_nothing_is_shared_between_runs(robot):
@@ -38,9 +37,9 @@ def test_nothing_is_shared_between_runs(robot):
         return said
 
     one = stage.start()
-    assert says(one, 1.9) is Progress.CLEAR
-    assert says(stage.start(), 1.9) is Progress.CLEAR
-    assert says(one, 0.2) is not Progress.CLEAR
+    assert says(one, 1.9) == CLEAR
+    assert says(stage.start(), 1.9) == CLEAR
+    assert says(one, 0.2) != CLEAR
 
 
 @pytest.mark.parametrize(

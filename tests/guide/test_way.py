@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 import shapely
 
-from qpavoid.guide.geodesic import Goal, way_beyond
-from qpavoid.guide.room import (
+from qpavoid.guide.hybrid_astar import (
+    ACTIONS,
+    ARC_LENGTH,
+    MOST_ACTIONS,
+    TURN,
+    Search,
+    find_way,
+    search_size,
+    way_beyond,
+)
+from qpavoid.guide.local_grid import (
     AMPLE,
     GRID_PITCH,
     Field,
@@ -16,16 +25,7 @@ from qpavoid.guide.room import (
     outline,
     pose_room,
 )
-from qpavoid.guide.way import (
-    ACTIONS,
-    ARC_LENGTH,
-    MOST_ACTIONS,
-    TURN,
-    Search,
-    find_way,
-    search_size,
-)
-from qpavoid.model.capsules import CAPSULE_WIDTH
+from qpavoid.model.capsules import CAPSULE_WIDTH, Segment
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import arc, to_world, wrap_angle
@@ -144,7 +144,7 @@ def test_the_way_beyond_the_grid_goes_round_each_wall():
         here, there, *wall = rng.uniform(-9, 9, (4, 2))
         wall = np.array(wall)
         capsules = Obstacles(walls=[wall.ravel()]).capsules
-        found = way_beyond(Goal(*there, capsules), *here)
+        found = way_beyond(capsules, Segment(*here, *there))
         share = np.linspace(0.0, 1.0, 20_001)[:, None]
         places = wall[0] + share * (wall[1] - wall[0])
         by = np.hypot(*(places - here).T) + np.hypot(*(places - there).T)

@@ -23,12 +23,10 @@ from qpavoid.avoidance.settings import (
 )
 from qpavoid.avoidance.step import PROBLEM_SIZE
 from qpavoid.errors import ConfigError, UnknownNameError
-from qpavoid.guide.geodesic import CELL
+from qpavoid.guide.local_grid import CELL, OUTLINE_SPACING, outline
 from qpavoid.guide.rollout import ROWS, TICK
-from qpavoid.guide.room import OUTLINE_SPACING, outline
 from qpavoid.guide.settings import BACK_SPEED, GuideSettings
-from qpavoid.guide.stage import PER_CONTACT, fresh_stage
-from qpavoid.guide.state import NO_PATH
+from qpavoid.guide.stage import NO_PATH, PER_CONTACT, fresh_stage
 from qpavoid.lab.play.program import Program
 from qpavoid.lab.scenario.config import find_config, read_document
 from qpavoid.lab.scenario.keys import UNITS, attributes_of

@@ -9,8 +9,7 @@ from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import BLOCKED, Decision
 from qpavoid.guide.guide import PathTracking
-from qpavoid.guide.stage import GuideStage
-from qpavoid.guide.state import Progress
+from qpavoid.guide.stage import NO_PATH, GuideStage
 from qpavoid.lab.planning.planner import Planner, PlanningProblem, standing
 from qpavoid.lab.scenario.methods import find_method, make_controller
 from qpavoid.lab.scenario.scenario import AT_LAST, Scenario
@@ -235,8 +234,8 @@ class Simulation:
         resumed = perf_counter()
         twist, blocked = tracked.desired, False
         if self._stage is not None:
-            progress, v, omega = self._stage(seen, tracked)
-            twist, blocked = (v, omega), progress is Progress.BLOCKED
+            mode, v, omega = self._stage(seen, tracked)
+            twist, blocked = (v, omega), mode == NO_PATH
         return twist, blocked, wanted - started + perf_counter() - resumed
 
     def _context(self) -> StepContext:

@@ -8,10 +8,9 @@ geodesic distance of the axle to the target as heuristic.
 import math
 from typing import NamedTuple
 
-from qpavoid.compiled import compiled_once, entry
-from qpavoid.guide.geodesic import CELL, Goal, cells_of, geodesic
-from qpavoid.guide.heap import HEAP_WIDTH, Item, drop_first, item_at, push
-from qpavoid.guide.room import AMPLE, Field, grid_size, pose_room
+from qpavoid.compiled import compiled, compiled_once, entry
+from qpavoid.guide.local_grid import AMPLE, CELL, Field, grid_size, pose_room
+from qpavoid.model.capsules import Segment, axis_of
 from qpavoid.model.kinematics import arc, wrap_angle
 from qpavoid.types import Array, Pose
 
@@ -49,6 +48,9 @@ CLOSE, ALIGNED = 0.2, 1.5 * TURN
 SAME_COST = 1e-5
 """m; tolerance of equal costs."""
 
+TIGHT_COST = 5.0
+"""Greatest relative cost added for small margins, which may not allow a turn."""
+
 
 class Search(NamedTuple):
     """Problem of a search.
@@ -76,22 +78,72 @@ class Tree(NamedTuple):
     """Search tree of hybrid A*, and its memory.
 
     Attributes:
-        nodes: (:data:`MOST_NODES`, 5) x, y, cost so far, margin (m), direction.
-        links: (:data:`MOST_NODES`, 3) heading in TURNs, wrapped, parent, action.
+        nodes: (:data:`MOST_NODES`, NODE) x, y, cost so far, margin (m), direction;
+            heading in TURNs, wrapped, parent, action.
         best: (n², HEADINGS) least cost so far of every cell, row by row.
-        remaining: (n, n) from :func:`qpavoid.guide.geodesic.geodesic`, m.
+        remaining: (n, n) from :func:`geodesic`, m.
         heap: Open list.
     """
 
     nodes: Array
-    links: Array
     best: Array
     remaining: Array
     heap: Array
 
 
-NODE, LINK = 5, 3
-"""Columns of nodes and of links."""
+NODE = 8
+"""Columns of a node."""
+
+
+HEAP_WIDTH = 2
+"""Columns of a binary heap, the open list of a search: cost and number."""
+
+
+@compiled
+def is_before(heap: Array, one: int, other: int) -> bool:
+    """Return whether a row of a heap is before another one, as tuples are ordered."""
+    if heap[one, 0] != heap[other, 0]:
+        return bool(heap[one, 0] < heap[other, 0])
+    return bool(heap[one, 1] < heap[other, 1])
+
+
+@compiled
+def swap(heap: Array, one: int, other: int) -> None:
+    """Exchange two rows of a heap."""
+    cost, number = heap[one, 0], heap[one, 1]
+    heap[one, 0], heap[one, 1] = heap[other, 0], heap[other, 1]
+    heap[other, 0], heap[other, 1] = cost, number
+
+
+@compiled_once
+def push(heap: Array, count: int, cost: float, number: int) -> int:
+    """Add an entry to ``count`` entries; return their new number."""
+    heap[count, 0], heap[count, 1], row = cost, number, count
+    while row > 0 and is_before(heap, row, (row - 1) // 2):
+        swap(heap, row, (row - 1) // 2)
+        row = (row - 1) // 2
+    return count + 1
+
+
+@compiled_once
+def drop_first(heap: Array, count: int) -> int:
+    """Remove the first of ``count`` entries; return their new number."""
+    count, row, below = count - 1, 0, 1
+    swap(heap, 0, count)
+    while below < count:
+        if below + 1 < count and is_before(heap, below + 1, below):
+            below += 1
+        if not is_before(heap, below, row):
+            break
+        swap(heap, row, below)
+        row, below = below, 2 * below + 1
+    return count
+
+
+@compiled
+def cells_of(half: float) -> int:
+    """Return the number of cells per side of the grid."""
+    return (grid_size(half) + 1) // 2
 
 
 @compiled_once
@@ -107,7 +159,7 @@ def search_size(half: float) -> int:
     """Return the size of the memory of a search, in numbers."""
     fine, cells = grid_size(half), cells_of(half)
     size = fine * fine + cells * cells * (HEADINGS + 1)
-    return size + MOST_NODES * (NODE + LINK) + most_waiting(half) * HEAP_WIDTH
+    return size + MOST_NODES * NODE + most_waiting(half) * HEAP_WIDTH
 
 
 @compiled_once
@@ -123,17 +175,97 @@ def tree_in(memory: Array, half: float) -> Tree:
     n, cells, waiting = grid_size(half), cells_of(half), most_waiting(half)
     a = n * n
     b = a + MOST_NODES * NODE
-    c = b + MOST_NODES * LINK
-    d = c + cells * cells * HEADINGS
-    e = d + cells * cells
-    f = e + waiting * HEAP_WIDTH
+    c = b + cells * cells * HEADINGS
+    d = c + cells * cells
+    e = d + waiting * HEAP_WIDTH
     return Tree(
         memory[a:b].reshape(MOST_NODES, NODE),
-        memory[b:c].reshape(MOST_NODES, LINK),
-        memory[c:d].reshape(cells * cells, HEADINGS),
-        memory[d:e].reshape(cells, cells),
-        memory[e:f].reshape(waiting, HEAP_WIDTH),
+        memory[b:c].reshape(cells * cells, HEADINGS),
+        memory[c:d].reshape(cells, cells),
+        memory[d:e].reshape(waiting, HEAP_WIDTH),
     )
+
+
+@compiled
+def _cross(wall: Segment, x: float, y: float) -> float:
+    """Return a number whose sign is the side of a wall's line on which (x, y) is."""
+    d_x, d_y = wall.x2 - wall.x1, wall.y2 - wall.y1
+    return d_x * (y - wall.y1) - d_y * (x - wall.x1)
+
+
+@compiled
+def _length(x: float, y: float) -> float:
+    return math.sqrt(x * x + y * y)
+
+
+@compiled_once
+def way_beyond(walls: Array, way: Segment) -> float:
+    """Return a lower bound of the path length from one end of a way to the other, m.
+
+    Straight, or around the nearer end of the worst wall alone.
+    """
+    x, y, goal_x, goal_y = way
+    least = _length(goal_x - x, goal_y - y)
+    for i in range(walls.shape[0]):
+        wall = axis_of(walls, i)
+        apart = _cross(wall, x, y) * _cross(wall, goal_x, goal_y)
+        beside = _cross(way, wall.x1, wall.y1) * _cross(way, wall.x2, wall.y2)
+        if apart < 0.0 and beside < 0.0:
+            first = _length(wall.x1 - x, wall.y1 - y)
+            first += _length(goal_x - wall.x1, goal_y - wall.y1)
+            second = _length(wall.x2 - x, wall.y2 - y)
+            second += _length(goal_x - wall.x2, goal_y - wall.y2)
+            least = max(least, min(first, second))
+    return least
+
+
+@compiled_once
+def geodesic(field: Field, search: Search, cost: Array, heap: Array) -> None:
+    """Fill in the distance, m, from the grid's cells to the target through free ones.
+
+    Dijkstra over eight neighbours; free cells have margin for the axle, whatever the
+    heading. Paths to a target outside the grid cross its border, and continue around
+    the walls.
+
+    Args:
+        field: Margins.
+        search: The problem.
+        cost: (n, n) filled in.
+        heap: Memory for the open cells.
+    """
+    nodes, half, n, count = field.nodes, field.half, cost.shape[0], 0
+    least, (x, y, _) = search.inner + search.clearance - 0.75 * CELL, search.target
+    for i in range(n):
+        for j in range(n):
+            cost[i, j] = math.inf
+    if max(abs(x), abs(y)) <= half:
+        i, j = round((x + half) / CELL), round((y + half) / CELL)
+        cost[i, j] = 0.0
+        count = push(heap, count, 0.0, i * n + j)
+    else:
+        for k in range(n):
+            for i, j in ((k, 0), (k, n - 1), (0, k), (n - 1, k)):
+                if nodes[2 * i, 2 * j] >= least:
+                    way = Segment(i * CELL - half, j * CELL - half, x, y)
+                    cost[i, j] = way_beyond(search.walls, way)
+                    count = push(heap, count, cost[i, j], i * n + j)
+    while count > 0:
+        known, place = heap[0, 0], int(heap[0, 1])
+        i, j = place // n, place % n
+        count = drop_first(heap, count)
+        if known > cost[i, j]:
+            continue
+        for d_i in range(-1, 2):
+            for d_j in range(-1, 2):
+                k, m = i + d_i, j + d_j
+                if not (0 <= k < n and 0 <= m < n) or nodes[2 * k, 2 * m] < least:
+                    continue
+                tight = 1.0 - min((nodes[2 * k, 2 * m] - least) / AMPLE, 1.0)
+                step = CELL * math.sqrt(d_i * d_i + d_j * d_j)
+                longer = known + step * (1.0 + TIGHT_COST * tight * tight)
+                if longer < cost[k, m]:
+                    cost[k, m] = longer
+                    count = push(heap, count, longer, k * n + m)
 
 
 @compiled_once
@@ -149,39 +281,37 @@ def find_way(field: Field, search: Search, memory: Array, way: Array) -> int:
         memory: :func:`search_size` numbers.
         way: (MOST_ACTIONS,) filled with the numbers of the actions.
     """
-    tree, floor = tree_in(memory, field.half), search.inner + search.clearance
+    tree = tree_in(memory, field.half)
     nodes, best, remaining, heap = tree.nodes, tree.best, tree.remaining, tree.heap
-    goal = Goal(search.target[0], search.target[1], search.walls)
-    geodesic(field, floor - 0.75 * CELL, goal, remaining, heap)
+    geodesic(field, search, remaining, heap)
     n, middle = remaining.shape[0], remaining.shape[0] // 2
     if remaining[middle, middle] == math.inf:
         return -1
     for place in range(n * n):
         for heading in range(HEADINGS):
             best[place, heading] = math.inf
-    node, link = nodes[0], tree.links[0]
-    node[0], node[1], node[2], node[4] = 0.0, 0.0, 0.0, 0.0
-    node[3] = pose_room(field, 0.0, 0.0, 0.0)
-    link[0], link[1], link[2] = 0.0, -1.0, -1.0
+    for k in range(NODE):
+        nodes[0, k] = 0.0
+    nodes[0, 3], nodes[0, 6] = pose_room(field, 0.0, 0.0, 0.0), -1.0
     best[middle * n + middle, 0] = 0.0
-    waiting, count = push(heap, 0, Item(remaining[middle, middle], 0, 0)), 1
+    waiting, count = push(heap, 0, remaining[middle, middle], 0), 1
     kinds = len(ACTIONS) if search.reverse else len(ACTIONS) - len(BACK_ARCS)
     greed = GREED if search.inner >= 0.0 else GREED_OUTSIDE
     while waiting > 0 and count < MOST_NODES - kinds:
-        parent = item_at(heap, 0).i
+        parent = int(heap[0, 1])
         waiting = drop_first(heap, waiting)
         i, j, k = _bin(field.half, tree, parent)
         if nodes[parent, 2] > best[i * n + j, k] + SAME_COST:
             continue
         if parent > 0 and _arrives(field.half, search, tree, parent):
-            return _trace(tree.links, parent, way)
+            return _trace(nodes, parent, way)
         least = _least_room(search, tree, parent)
         for action in range(kinds):
             if _drive(field, tree, parent, action, count, least):
                 i, j, k = _bin(field.half, tree, count)
                 best[i * n + j, k] = nodes[count, 2]
                 total = nodes[count, 2] + greed * remaining[i, j]
-                waiting = push(heap, waiting, Item(total, count, 0))
+                waiting = push(heap, waiting, total, count)
                 count += 1
     return 0
 
@@ -190,7 +320,7 @@ def find_way(field: Field, search: Search, memory: Array, way: Array) -> int:
 def _bin(half: float, tree: Tree, node: int) -> tuple[int, int, int]:
     """Return the cell and heading that identify a node."""
     x, y = tree.nodes[node, 0], tree.nodes[node, 1]
-    return round((x + half) / CELL), round((y + half) / CELL), int(tree.links[node, 0])
+    return round((x + half) / CELL), round((y + half) / CELL), int(tree.nodes[node, 5])
 
 
 @compiled_once
@@ -221,13 +351,13 @@ def _drive(
 ) -> bool:
     """Fill in the node that an action leads to; return whether it is the best there."""
     drive, turn = ACTIONS[action]
-    node, from_, heading = tree.nodes[child], tree.nodes[parent], tree.links[parent, 0]
-    link, n = tree.links[child], tree.remaining.shape[0]
+    node, from_, n = tree.nodes[child], tree.nodes[parent], tree.remaining.shape[0]
+    heading = from_[5]
     start, length, bend = heading * TURN, drive * ARC_LENGTH, turn * TURN
     x, y, end = arc(from_[0], from_[1], start, length, bend, 1.0)
     node[0], node[1], node[2] = x, y, from_[2] + _cost(drive, turn, from_[4], AMPLE)
     node[4] = drive if drive != 0.0 else from_[4]
-    link[0], link[1], link[2] = (int(heading) + int(turn)) % HEADINGS, parent, action
+    node[5], node[6], node[7] = (int(heading) + int(turn)) % HEADINGS, parent, action
     i, j, k = _bin(field.half, tree, child)
     if not (0 <= i < n and 0 <= j < n) or tree.remaining[i, j] == math.inf:
         return False
@@ -255,16 +385,16 @@ def _cost(drive: float, turn: float, direction: float, room: float) -> float:
 
 
 @compiled_once
-def _trace(links: Array, node: int, way: Array) -> int:
+def _trace(nodes: Array, node: int, way: Array) -> int:
     """Write the actions that lead to a node, first to last; return their number."""
     count, step = 0, node
-    while links[step, 1] >= 0.0:
+    while nodes[step, 6] >= 0.0:
         count += 1
-        step = int(links[step, 1])
+        step = int(nodes[step, 6])
     place = count
-    while links[node, 1] >= 0.0:
+    while nodes[node, 6] >= 0.0:
         place -= 1
         if place < way.shape[0]:
-            way[place] = links[node, 2]
-        node = int(links[node, 1])
+            way[place] = nodes[node, 7]
+        node = int(nodes[node, 6])
     return int(min(count, way.shape[0]))

@@ -30,6 +30,9 @@ from qpavoid.types import Array, Arrays
 GRID_PITCH = 0.05
 """m; pitch of the grid, interpolated between its nodes."""
 
+CELL = 2 * GRID_PITCH
+"""m; pitch of the search grid."""
+
 AMPLE = 0.5
 """m; margin of a pose beyond which a larger one has no effect."""
 
