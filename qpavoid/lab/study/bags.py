@@ -112,7 +112,7 @@ def bag_drive(
         chosen.append(wired)
         topics = {topic_of(name, held): name for name in wired.topics}
         moving = {MOVING: "tf"} if MOVING in held else {}
-        desired = command or _commands(held)
+        desired = command or found_commands(held)
         named = {topic_of(desired, held): "command"} if desired else {}
         return topics | moving | named
 
@@ -166,21 +166,6 @@ def perceivable(drive: Recording) -> Recording:
         wired = wired._replace(odometry=NO_TOPIC)
         notes.append("no odometry: the robot is at rest")
     return drive._replace(wiring=wired, events=events, notes=notes)
-
-
-def odometry_and_commands(path: Path, command: str) -> list[Event]:
-    """Return only these of a bag, as ``odometry`` and ``command``; see bag_drive."""
-
-    def choose(held: dict[str, str]) -> dict[str, str]:
-        odometry = found_topics(held).odometry
-        if not odometry:
-            raise DataError(f"{path}: no {ROS_TYPES['odometry']}")
-        desired = command or _commands(held)
-        if not desired:
-            raise DataError(f"{path}: no Twist or TwistStamped")
-        return {odometry: "odometry", topic_of(desired, held): "command"}
-
-    return read_bag(path, choose)[1]
 
 
 def read_bag(
@@ -281,7 +266,7 @@ def found_topics(held: dict[str, str]) -> Wiring:
     return Wiring(scans=scans, odometry=next(iter(odometry), ""))
 
 
-def _commands(held: dict[str, str]) -> str:
+def found_commands(held: dict[str, str]) -> str:
     """Return the topic of the commands; empty if there is none."""
     kinds = ROS_TYPES["command"], ROS_TYPES["stamped"]
     there = sorted(topic for topic, kind in held.items() if kind in kinds)
@@ -331,15 +316,6 @@ def stamp_clock(received: Array, stamps: Array) -> Callable[[Array], Array]:
     )
 
 
-def _remove_bag(folder: Path) -> None:
-    """Remove a bag of one MCAP file, and nothing that has more in it."""
-    files = {folder / "metadata.yaml", folder / f"{folder.name}.mcap"}
-    if folder.is_dir() and not folder.is_symlink() and {*folder.iterdir()} <= files:
-        for file in folder.iterdir():
-            file.unlink()
-        folder.rmdir()
-
-
 class BagWriter:
     """Writes a folder of rosbag2 with one MCAP file; a context manager.
 
@@ -353,7 +329,11 @@ class BagWriter:
         _, self._rosbag2 = _rosbags()
         self._store = _types()
         plugin = self._rosbag2.StoragePlugin.MCAP
-        _remove_bag(folder)
+        files = {folder / "metadata.yaml", folder / f"{folder.name}.mcap"}
+        if folder.is_dir() and not folder.is_symlink() and {*folder.iterdir()} <= files:
+            for file in folder.iterdir():
+                file.unlink()
+            folder.rmdir()
         try:
             writer = self._rosbag2.Writer(folder, version=9, storage_plugin=plugin)
             self._writer = writer.__enter__()

@@ -12,7 +12,6 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +20,7 @@ from qpavoid.lab.study.bags import Event, found_topics, read_bag, topic_of
 from qpavoid.lab.study.identify import Estimate
 from qpavoid.perception.scan import CHORD, FLAT, MOST_CHORD
 from qpavoid.perception.settings import MOUNT, Lidar
-from qpavoid.ros.messages import read_odometry, read_scan, seconds
+from qpavoid.ros.messages import read_pose, read_scan, seconds
 from qpavoid.settings import want
 from qpavoid.types import Array
 
@@ -91,12 +90,10 @@ class Recording(NamedTuple):
 
 def poses_of(events: Sequence[Event], topic: str) -> Array:
     """Return (n, 4) time (s), x, y (m), heading (rad, continuous) of messages."""
-    zero = SimpleNamespace(x=0.0, y=0.0, z=0.0)
-    rest = SimpleNamespace(twist=SimpleNamespace(linear=zero, angular=zero))
-    found = {}
-    for one in (event.message for event in events if event.topic == topic):
-        whole = one if hasattr(one, "twist") else SimpleNamespace(pose=one, twist=rest)
-        found[seconds(one.header.stamp)] = read_odometry(whole)[0]
+    found = {
+        seconds(one.header.stamp): read_pose(getattr(one.pose, "pose", one.pose))
+        for one in (event.message for event in events if event.topic == topic)
+    }
     rows = np.array([(time, *found[time]) for time in sorted(found)]).reshape(-1, 4)
     rows[:, 3] = np.unwrap(rows[:, 3])
     return rows

@@ -23,7 +23,7 @@ from qpavoid.compiled import compiled
 from qpavoid.errors import DataError, InvalidInputError
 from qpavoid.lab.sensing.plant import twist_between
 from qpavoid.lab.simulation.log import Log
-from qpavoid.lab.study.bags import odometry_and_commands
+from qpavoid.lab.study.bags import found_commands, found_topics, read_bag, topic_of
 from qpavoid.ros.messages import read_twist, seconds
 from qpavoid.types import Array
 
@@ -135,9 +135,17 @@ def bagged(path: Path, command: str = "") -> Response:
     Raises:
         DataError: It cannot be read, or has no odometry or commands.
     """
+
+    def choose(held: dict[str, str]) -> dict[str, str]:
+        odometry, desired = found_topics(held).odometry, command or found_commands(held)
+        if not (odometry and desired):
+            what = "Twist or TwistStamped" if odometry else "nav_msgs/msg/Odometry"
+            raise DataError(f"{path}: no {what}")
+        return {odometry: "odometry", topic_of(desired, held): "command"}
+
     told: list[tuple[float, float, float]] = []
     seen: list[tuple[float, ...]] = []
-    for time, topic, message in odometry_and_commands(path, command):
+    for time, topic, message in read_bag(path, choose)[1]:
         if topic == "command":
             told.append((time, *read_twist(message)))
         elif not seen or seconds(message.header.stamp) > seen[-1][0]:
