@@ -12,6 +12,7 @@ import operator
 from collections.abc import Sized
 from dataclasses import MISSING, fields, is_dataclass
 from numbers import Integral, Rational, Real
+from operator import attrgetter
 from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin
 
 from qpavoid.errors import InvalidInputError
@@ -148,7 +149,7 @@ def check(settings: Any, wants: str) -> None:
     """Check a dataclass of settings against their declared ranges, choices and order.
 
     ``wants`` begins the message, such as ``"a guide needs"``. The order of fields is in
-    a class variable ``ORDERED``: first, sign, second.
+    a class variable ``ORDERED``: first side, sign, second side; see :func:`factors`.
 
     Raises:
         InvalidInputError: For the first field that is not as declared, by name.
@@ -163,5 +164,16 @@ def check(settings: Any, wants: str) -> None:
         if required := setting.requirement(value):
             raise InvalidInputError(f"{wants} {setting.name} {required}, not {value!r}")
     for first, sign, second in getattr(settings, "ORDERED", ()):
-        holds = BOUNDS[sign](getattr(settings, first), getattr(settings, second))
-        want(holds, f"{wants} {first} {sign} {second}")
+        one, other = (
+            math.prod(
+                x if isinstance(x, float) else attrgetter(x)(settings) for x in side
+            )
+            for side in map(factors, (first, second))
+        )
+        holds, told = BOUNDS[sign](one, other), f"not {one:g} and {other:g}"
+        want(holds, f"{wants} {first} {sign} {second}, {told}")
+
+
+def factors(side: str) -> list[str | float]:
+    """Return fields and numbers whose product is a side, such as ``8 * ahead.tick``."""
+    return [x if x[0].isalpha() else float(x) for x in side.split(" * ")]

@@ -90,7 +90,7 @@ def test_settings_that_do_not_fit_together(kind, wrong):
 
 def test_gamma_and_the_control_step_belong_together():
     assert AvoidanceSettings(gamma=10.0, dt=0.1).dt == 0.1
-    with pytest.raises(InvalidInputError, match=r"gamma \* dt = 1\.01 > 1"):
+    with pytest.raises(InvalidInputError, match=r"gamma \* dt <= 1, not 1\.01"):
         AvoidanceSettings(gamma=10.1, dt=0.1)
 
 

@@ -152,31 +152,11 @@
   const BANDS = { r: "--zone-r", rmin: "--zone-rmin" };
   const each = (value, i) => (typeof value === "number" ? value : value[i]);
 
-  function reach(chart) {
-    if (chart.range) return chart.range;
-    let [lo, hi] = [Infinity, -Infinity];
-    for (const { values } of chart.series) {
-      for (const value of values) {
-        if (!Number.isFinite(value)) continue;
-        lo = Math.min(lo, value);
-        hi = Math.max(hi, value);
-      }
-    }
-    if (lo > hi) return chart.log ? [1, 10] : [0, 1];
-    const room = 0.05 * (hi - lo) || 0.1;
-    return chart.log ? [Math.max(lo, 1e-3) / 1.2, hi * 1.2] : [lo - room, hi + room];
-  }
-
-  function frameOf(canvas, chart) {
-    const [w, h] = [canvas.clientWidth, canvas.clientHeight];
-    const [t0, t1] = chart.span || [chart.t[0], chart.t[chart.t.length - 1]];
-    const [lo, hi] = reach(chart);
-    const scale = chart.log ? Math.log : (value) => value;
-    const [a, b] = [scale(lo), scale(hi)];
+  function frameOf(w, h, { range: [lo, hi], span: [t0, t1] }) {
     return {
-      w, h, lo, hi, t0, t1: t1 > t0 ? t1 : t0 + 1,
-      x(t) { return EDGE.left + ((t - this.t0) / (this.t1 - this.t0)) * (w - EDGE.left - EDGE.right); },
-      y: (value) => h - EDGE.bottom - ((scale(value) - a) / (b - a)) * (h - EDGE.top - EDGE.bottom),
+      w, h, lo, hi, t0, t1,
+      x: (t) => EDGE.left + ((t - t0) / (t1 - t0)) * (w - EDGE.left - EDGE.right),
+      y: (value) => h - EDGE.bottom - ((value - lo) / (hi - lo)) * (h - EDGE.top - EDGE.bottom),
     };
   }
 
@@ -199,21 +179,14 @@
       pen = shown;
     }
     g.strokeStyle = color(style.color);
-    g.lineWidth = style.width || 1.8;
+    g.lineWidth = style.width;
     g.setLineDash(style.dash || []);
     g.stroke();
     g.setLineDash([]);
   }
 
-  function decades(lo, hi) {
-    const places = [];
-    for (let k = Math.ceil(Math.log10(lo)); 10 ** k <= hi; k++) places.push([10 ** k, `${10 ** k}`]);
-    return places;
-  }
-
   function stripAxes(g, chart, f) {
-    const across = chart.log ? decades(f.lo, f.hi) : ticks([f.lo, f.hi], f.h - EDGE.top - EDGE.bottom, 14);
-    for (const [value, text] of across) {
+    for (const [value, text] of ticks([f.lo, f.hi], f.h - EDGE.top - EDGE.bottom, 14)) {
       line(g, [[EDGE.left, f.y(value)], [f.w - EDGE.right, f.y(value)]], "--grid");
       label(g, text, EDGE.left - 5, f.y(value) + 4, "--muted", "right");
     }
@@ -222,7 +195,7 @@
       label(g, text, f.x(value), f.h - 4, "--muted", "center");
     }
     line(g, [[EDGE.left, f.h - EDGE.bottom], [f.w - EDGE.right, f.h - EDGE.bottom]], "--line");
-    label(g, `${chart.title || ""} (${chart.unit})`, 4, 13, "--fg");
+    label(g, `${chart.title} (${chart.unit})`, 4, 13, "--fg");
   }
 
   function legend(g, chart, f) {
@@ -236,14 +209,11 @@
     }
   }
 
-  /** The chart without its cursor, kept with the canvas until it changes. */
-  function still(canvas, chart, f) {
-    const look = `${f.w} ${f.h} ${window.devicePixelRatio} ${color("--bg")} ${chart.t.length}`;
-    const kept = canvas.still;
-    if (kept && kept.t === chart.t && kept.look === look) return kept.image;
-    const image = document.createElement("canvas");
-    const { g } = begin(image, f.w, f.h);
-    (chart.bands || []).forEach((one) => band(g, chart, f, one));
+  function strip(canvas, chart) {
+    const { g, w, h } = begin(canvas);
+    const f = frameOf(w, h, chart);
+    if (w * h === 0) return;  // not laid out yet
+    chart.bands.forEach((one) => band(g, chart, f, one));
     stripAxes(g, chart, f);
     g.save();
     g.beginPath();
@@ -252,26 +222,7 @@
     chart.series.forEach((one) => curve(g, chart, f, one));
     g.restore();
     legend(g, chart, f);
-    canvas.still = { t: chart.t, look, image };
-    return image;
   }
-
-  function strip(canvas, chart) {
-    const { g, w, h } = begin(canvas);
-    const f = frameOf(canvas, chart);
-    if (w * h === 0) return;  // not laid out yet
-    g.drawImage(still(canvas, chart, f), 0, 0, w, h);
-    if (Number.isFinite(chart.cursor)) {
-      const x = f.x(chart.cursor);
-      line(g, [[x, EDGE.top - 4], [x, h - EDGE.bottom]], "--fg", 1.5);
-    }
-  }
-
-  strip.timeAt = (canvas, chart, px) => {
-    const f = frameOf(canvas, chart);
-    const part = (px - EDGE.left) / (f.w - EDGE.left - EDGE.right);
-    return f.t0 + Math.min(1, Math.max(0, part)) * (f.t1 - f.t0);
-  };
 
   Object.assign(Panels, { active, plane, strip });
 })();

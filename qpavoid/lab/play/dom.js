@@ -10,9 +10,3 @@ function element(tag, attributes = {}, ...children) {
   made.append(...children.filter((child) => child !== null));
   return made;
 }
-
-function choice(label, options, onchange) {
-  const items = options.map(([value, text]) => element("option", { value }, text));
-  const select = element("select", { onchange: () => onchange(select.value) }, ...items);
-  return [element("label", { class: "choice" }, `${label} `, select), select];
-}

@@ -2,7 +2,8 @@
 /* The form of settings, made of what is declared: unit, range, default, effect.
 Form.make(form, entries, values, change)    change(key, value): after a valid change
 Form.show(form, values)                     bring its values up to date
-Form.complain(form, key, text)              show an error beside a field */
+Form.misfit(values, ordered)                which two sides are in another order; empty: none.
+    ordered: products of keys and numbers, with the sign between them */
 
 const Form = (() => {
   const HEADINGS = {
@@ -46,6 +47,13 @@ const Form = (() => {
     return broken ? `wants ${signs[broken]} ${range[broken]}` : "";
   }
 
+  function misfit(values, ordered) {
+    const product = (side) => side.reduce((all, x) => all * (typeof x === "number" ? x : values[x]), 1);
+    const holds = (one, sign, other) => (sign === "<" ? one < other : one <= other);
+    const broken = ordered.find(([one, sign, other]) => !holds(product(one), sign, product(other)));
+    return broken ? `${broken[0].join(" · ")} ${broken[1]} ${broken[2].join(" · ")} is wanted` : "";
+  }
+
   function row(entry, change) {
     const input = field(entry);
     input.name = keyOf(entry);
@@ -86,5 +94,5 @@ const Form = (() => {
     }
   }
 
-  return { make, show };
+  return { make, show, misfit };
 })();

@@ -15,12 +15,7 @@ import numpy as np
 
 from qpavoid.avoidance.decision import SENTENCES, STATUSES
 from qpavoid.avoidance.plan import fresh_state
-from qpavoid.avoidance.settings import (
-    HORIZON_TICKS,
-    MOST_PENDING,
-    PARTS,
-    AvoidanceSettings,
-)
+from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
 from qpavoid.avoidance.step import PROBLEM_SIZE
 from qpavoid.errors import ConfigError, UnknownNameError
 from qpavoid.guide.local_grid import CELL, OUTLINE_SPACING, outline
@@ -44,7 +39,7 @@ from qpavoid.perception.local_map import CELL_STATE, HALF
 from qpavoid.perception.scan import NO_ECHO_FREE, RAY_SIZE
 from qpavoid.perception.tracks import MOST_TRACKS
 from qpavoid.perception.update import MAP_STATE, Memory
-from qpavoid.settings import Setting, declared
+from qpavoid.settings import Setting, declared, factors
 from qpavoid.types import Array
 
 GALLERY = ("demo/play", "demo/crowd", "paper/test_case_1", "paper/test_case_2")
@@ -111,8 +106,6 @@ SIZES = {
     "all_round": perceived.ALL_ROUND,
     "no_echo_free": NO_ECHO_FREE,
     "angle_error": perceived.Lidar().angle_error,
-    "ticks": HORIZON_TICKS,
-    "pending": MOST_PENDING,
     "map": {
         "cell": MAP_CELL,
         "half": HALF,
@@ -126,7 +119,7 @@ SIZES = {
 DRAWING = ("dom.js", "pen.js", "panels.js", "charts.js")
 OWN = (
     *("world.js", "lidar.js", "pilot.js", "toml.js", "form.js", "hands.js"),
-    *("robots.js", "rules.js", "ranges.js", "words.js", "play.js"),
+    *("robots.js", "ranges.js", "words.js", "play.js"),
 )
 
 
@@ -307,13 +300,21 @@ def entries(section: str, kind: type[Any]) -> Iterator[dict[str, Any]]:
                 }
 
 
-def ordered() -> Iterator[tuple[str, str, str]]:
-    """Yield the order of settings: ``section.key``, sign, ``section.key``."""
+def ordered() -> Iterator[tuple[list[str | float], str, list[str | float]]]:
+    """Yield the order of settings: factors (``section.key``, ``dt``), sign, factors."""
+    keys = {
+        f"{section}.{one.name}": f"{section}.{one.keys[0]}"
+        for section, kind in SECTIONS.items()
+        for one in declared(kind)
+        if one.keys
+    }
     for section, kind in SECTIONS.items():
-        known = (one for one in declared(kind) if one.keys)
-        keys = {one.name: f"{section}.{one.keys[0]}" for one in known}
         for first, sign, second in getattr(kind, "ORDERED", ()):
-            yield keys[first], sign, keys[second]
+            one, other = (
+                [keys.get(f"{section}.{x}", keys.get(str(x), x)) for x in factors(side)]
+                for side in (first, second)
+            )
+            yield one, sign, other
 
 
 def unit_of(key: str) -> str:

@@ -1,5 +1,5 @@
 "use strict";
-/* Drawing functions of the replay and of the live page. They know plain frames only.
+/* Drawing functions of the live page. They know plain frames only.
 Load pen.js, panels.js, charts.js in this order.
 
 world = {outlines: [[[x, y]...]...] (robot frame), points: [[x, y]...],
@@ -13,23 +13,21 @@ frame = {t, x, y, heading,             pose, world frame, m and rad
          obstacle,                     number of the nearest: points, discs, walls, polygons
          box: [vlo, vhi, wlo, whi] | null,     limits of this step
          planes: [[av, aw, b, obstacle]...],   rows av v + aw w >= b
-         plan: [v, w, switch, v, w, end],      two twists and until when, s; may be absent
+         plan: [v, w, switch, v, w, end],      two twists and until when, s; or null
          discs: [[x, y, radius]...],
-         polygons: [[[x, y]...]...]}          corners, counter-clockwise; may be absent
+         polygons: [[[x, y]...]...]}          corners, counter-clockwise
 
-Panels.top(canvas, world, frame, {view: {cx, cy, scale} | null, trail: [[x, y]...],
-           color, others: [{outlines, frame, trail, color}...]}) -> view
+Panels.top(canvas, world, frame, {view: {cx, cy, scale}, trail: [[x, y]...],
+           color, others: [{outlines, frame, trail, color}...]})
            from above; scale in CSS pixels per m; others: robots beside the first
 Panels.toWorld(canvas, view, px, py) -> [x, y]      px, py: CSS pixels in the canvas
 Panels.toPixel(canvas, view, x, y) -> [px, py]
 Panels.fit(canvas, [xlo, xhi, ylo, yhi]) -> view    that shows the whole box
 Panels.plane(canvas, frame, {v: [lo, hi], w: [lo, hi]})      the (v, w) plane
 Panels.strip(canvas, {t, series: [{name, values, style}], bands: [{from, to, kind}],
-           cursor, unit, title, range: [lo, hi] | null, span: [t0, t1] | null, log})
+           unit, title, range: [lo, hi], span: [t0, t1]})
            style: {color, dash: [...], width}; from, to: number or array over t;
-           kind: "r" | "rmin"; cursor: time in s or null;
-           redrawn when the array t is another or longer, else only the cursor moves
-Panels.strip.timeAt(canvas, chart, px) -> t         for scrubbing
+           kind: "r" | "rmin"
 Panels.active(frame) -> [row...]                    rows with equality at (v, w)
 Panels.words(frame, world) -> sentences             world: for the names of obstacles
 Colours are CSS variables, written "--name", or plain CSS colours. */
@@ -48,20 +46,9 @@ const Panels = (() => {
     view.cy - (py - canvas.clientHeight / 2) / view.scale,
   ];
 
-  const AWAY = 1e4; // m; where a disc is that is not there
-
   function fit(canvas, [xlo, xhi, ylo, yhi]) {
     const scale = Math.min(canvas.clientWidth / (xhi - xlo), canvas.clientHeight / (yhi - ylo));
     return { cx: (xlo + xhi) / 2, cy: (ylo + yhi) / 2, scale };
-  }
-
-  function around(world, frame) {
-    const there = frame.discs.filter(([x]) => x < AWAY);
-    const places = [...world.path, [frame.x, frame.y], ...there, ...polygonsOf(frame).flat()];
-    const [xs, ys] = [0, 1].map((i) => places.map((place) => place[i]));
-    const low = (values) => values.reduce((a, b) => Math.min(a, b)) - 1;
-    const high = (values) => values.reduce((a, b) => Math.max(a, b)) + 1;
-    return [low(xs), high(xs), low(ys), high(ys)];
   }
 
   function placed(vertices, x, y, heading) {
@@ -143,8 +130,6 @@ const Panels = (() => {
     line(g, placed([[0, 0], [front, 0]], frame.x, frame.y, frame.heading).map(px), hue, 1.5);
   }
 
-  const polygonsOf = (frame) => frame.polygons || [];
-
   /** Where the obstacle of a number is nearest to a place, and how to draw it. */
   function obstacleOf(world, frame, number) {
     const { points, walls } = world;
@@ -153,7 +138,7 @@ const Panels = (() => {
     if (number < frame.discs.length) return { kind: "disc", place: frame.discs[number] };
     number -= frame.discs.length;
     if (number < walls.length) return { kind: "wall", place: walls[number] };
-    const polygon = polygonsOf(frame)[number - walls.length];
+    const polygon = frame.polygons[number - walls.length];
     return polygon ? { kind: "polygon", place: polygon } : null;
   }
 
@@ -191,7 +176,7 @@ const Panels = (() => {
 
   function obstacles(g, px, scale, world, frame) {
     const held = new Set(Panels.active(frame).map((row) => row[3]).filter((number) => number >= 0));
-    const count = world.points.length + frame.discs.length + world.walls.length + polygonsOf(frame).length;
+    const count = world.points.length + frame.discs.length + world.walls.length + frame.polygons.length;
     for (const number of held) {
       const obstacle = obstacleOf(world, frame, number);
       if (obstacle) drawObstacle(g, px, scale, obstacle, "--active", 4);
@@ -201,10 +186,9 @@ const Panels = (() => {
     }
   }
 
-  function top(canvas, world, frame, { view = null, trail = [], color: hue = "--chosen", others = [] } = {}) {
+  function top(canvas, world, frame, { view, trail, color: hue, others }) {
     const { g, w, h } = begin(canvas);
-    view = view || fit(canvas, around(world, frame));
-    const px = ([x, y]) => [w / 2 + (x - view.cx) * view.scale, h / 2 - (y - view.cy) * view.scale];
+    const px = ([x, y]) => toPixel(canvas, view, x, y);
     const body = robot(g, px, world, frame, view.scale);
     line(g, world.path.map(px), "--fg", 1, [5, 4]);
     line(g, trail.map(px), hue, 2.5);
@@ -225,7 +209,6 @@ const Panels = (() => {
     const bar = view.scale > 150 ? 0.5 : 1;
     line(g, [[w - 12 - bar * view.scale, h - 10], [w - 12, h - 10]], "--fg", 2);
     label(g, `${bar} m`, w - 12, h - 16, "--fg", "right");
-    return view;
   }
 
   /* ---- in words -------------------------------------------------------------- */
@@ -234,13 +217,12 @@ const Panels = (() => {
 
   /** What an obstacle is called: "disc 2", "wall 1", "point 17". */
   function nameOf(world, frame, number) {
-    const points = world ? world.points.length : 0;
+    const points = world.points.length;
     if (number < points) return `point ${number + 1}`;
     if (number < points + frame.discs.length) {
       const [, , radius] = frame.discs[number - points];
       return `${radius ? "disc" : "point"} ${number - points + 1}`;
     }
-    if (!world) return `obstacle ${number + 1}`;
     const later = number - points - frame.discs.length;
     return later < world.walls.length ? `wall ${later + 1}` : `polygon ${later - world.walls.length + 1}`;
   }
@@ -274,7 +256,7 @@ const Panels = (() => {
     return names.length ? `Held by ${names.join(", ")}.` : "";
   }
 
-  function words(frame, world = null) {
+  function words(frame, world) {
     const slack = frame.slack > 0 ? `Slack: ${frame.slack.toFixed(3)} m/s.` : "";
     const held = differ(frame.v, frame.w, frame.vd, frame.wd) ? holders(frame, world) : "";
     const limited = frame.status === "tracking" && differ(frame.v, frame.w, frame.vd, frame.wd);

@@ -18,7 +18,8 @@ const Pen = (() => {
     return known.get(key);
   }
 
-  function begin(canvas, w = canvas.clientWidth, h = canvas.clientHeight) {
+  function begin(canvas) {
+    const [w, h] = [canvas.clientWidth, canvas.clientHeight];
     const dpr = window.devicePixelRatio || 1;
     if (canvas.width !== Math.round(w * dpr) || canvas.height !== Math.round(h * dpr)) {
       canvas.width = Math.round(w * dpr);
@@ -55,14 +56,5 @@ const Pen = (() => {
     g.fillText(text, x, y);
   }
 
-  const NAMED = ["eq5", "eq7", "qp", "qp-ahead"];
-  const OTHERS = ["--other1", "--other2", "--other3"];
-
-  /** The colour of every controller in a list: the same wherever it appears. */
-  function hues(controllers) {
-    const others = [...new Set(controllers)].filter((name) => !NAMED.includes(name));
-    return controllers.map((name) => (NAMED.includes(name) ? `--${name}` : OTHERS[others.indexOf(name) % OTHERS.length]));
-  }
-
-  return { begin, color, dot, label, line, hues };
+  return { begin, color, dot, label, line };
 })();

@@ -4,7 +4,7 @@ qpavoid.lab.simulation.loop does in Python, call by call. Qpavoid.Kernel is that
 `export-c --wasm`; every pilot has a module of its own, whose memory goes with it.
 
 setup = {module, method, robot: {outlines, edges, limits, outline, inner}, settings by
-         section.key, entries, sizes, choices, dt, plan (n · 5), law (9), lags, start, guided,
+         section.key, entries, sizes, dt, plan (n · 5), law (9), lags, start, guided,
          lidar: whether obstacles are those that it perceives} */
 
 const Pilot = (() => {
@@ -164,8 +164,8 @@ const Pilot = (() => {
       const { kernel, setup, state } = this;
       if (this.how.law) return kernel.repulsion_step(this.how.law, setup, this.request(desired, false), state, this.contacts);
       const told = kernel.filter_step(setup.edges, setup.robot, setup.settings, ...this.seen, 0, this.how.ahead, ...desired, state, this.memory);
-      const [code, v, omega, clearance, slack, residual, shortfall, first, second] = told;
-      return { code, v, omega, clearance, slack, residual, shortfall, first, second };
+      const [code, v, omega, , slack] = told;
+      return { code, v, omega, slack };
     }
 
     request(desired, ahead) {
@@ -217,7 +217,7 @@ const Pilot = (() => {
       const plan = this.how.ahead ? Object.values(this.kernel.kept_plan(this.state)) : null;
       return {
         t: time, x, y, heading, xr: this.target.x, yr: this.target.y, hr: this.target.heading, vd: desired[0], wd: desired[1],
-        v, w, slack: decision.slack, shortfall: decision.shortfall, code: decision.code, blocked: blocked && !v && !w,
+        v, w, slack: decision.slack, code: decision.code, blocked: blocked && !v && !w,
         plan, after: this.pose, ...problem, ...near,
       };
     }

@@ -217,7 +217,7 @@ const Play = (() => {
       values: past.map(({ frames: at }) => (at.has(name) ? at.get(name)[key] : NaN)),
     }));
     const of = (key) => past.map(({ frames: at }) => (at.get(focus) || pilots.get(focus).frame)[key]);
-    const common = { t, span: [end - KEPT, end], cursor: null, bands: [] };
+    const common = { t, span: [end - KEPT, end], bands: [] };
     const limits = Ranges.axes(robot);
     const desired = (key) => ({ name: "desired", values: of(key), style: { color: "--fg", dash: [4, 3], width: 1.2 } });
     if (!t.length) Object.assign(common, { t: [0] });
@@ -448,10 +448,12 @@ const Play = (() => {
 
   /* ---- settings -------------------------------------------------------------- */
 
+  const misfit = (one) => Form.misfit({ ...one, dt: dt() }, data.ordered);
+
   function change(key, value) {
     if (key.startsWith("robot.")) return changeLimit(key, value);
     const changed = { ...settings, [key]: value };
-    const why = Rules.misfit(changed, dt(), data.ordered, data.sizes);
+    const why = misfit(changed);
     if (why) return why;
     settings = changed;
     changedBy(`${key} = ${value}`);
@@ -673,11 +675,9 @@ const Play = (() => {
   return {  // for tests and the curious
     advance(steps) { for (let i = 0; i < steps; i++) step(); look(); },
     frames: () => frames, time: () => (scene ? time() : 0), running: () => running,
-    frame: (name = focus) => pilots.get(name).frame, last: (name = focus) => past.at(-1).frames.get(name), toggle,
-    known: (name = focus) => known(pilots.get(name))[0], sense,
-    kept: (name) => past.map(({ frames: at }) => at.get(name)), pose: (name = focus) => [...pilots.get(name).robot.pose],
-    things: () => world.things, methods: names, settings: () => settings, scenario,
-    restart, run, misfit: (one) => Rules.misfit(one, dt(), data.ordered, data.sizes),
+    last: (name) => past.at(-1).frames.get(name), toggle, known: (name = focus) => known(pilots.get(name))[0],
+    kept: (name) => past.map(({ frames: at }) => at.get(name)), things: () => world.things, methods: names,
+    restart, run, misfit,
     onPage(x, y) {
       const box = $("top").getBoundingClientRect();
       const [px, py] = Panels.toPixel($("top"), view, x, y);

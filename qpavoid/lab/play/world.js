@@ -214,5 +214,5 @@ const World = (() => {
     return Math.hypot(x1 + s * dx - x, y1 + s * dy - y);
   }
 
-  return { Scene, along, anchor, cornersOf, distance, AWAY };
+  return { Scene, anchor, cornersOf, distance };
 })();
