@@ -13,7 +13,7 @@ pytest.importorskip("pyarrow", reason="needs qpavoid[study]")
 
 from qpavoid.cli import main
 from qpavoid.errors import DataError
-from qpavoid.lab.study.sweep import store
+from qpavoid.lab.study.sweep import engine, store
 from qpavoid.lab.study.sweep.store import (
     Store,
     read_provenance,
@@ -169,6 +169,7 @@ def test_a_full_disk_in_the_middle_of_a_sweep(study, tmp_path, capsys, monkeypat
         write(handle)
 
     command = ["sweep", study(seeds='"0:8"'), "--out", str(out), "--workers", "1"]
+    monkeypatch.setattr(engine, "SHARD_S", 0.0)
     monkeypatch.setattr(store.os, "fsync", full)
     assert main(command) == 1
     assert "No space left" in capsys.readouterr().err

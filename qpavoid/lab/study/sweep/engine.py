@@ -2,7 +2,7 @@
 
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -10,11 +10,13 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     wait,
 )
+from contextlib import suppress
 from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
 from threading import Thread
-from time import perf_counter, sleep
+from time import sleep
+from typing import TypeAlias
 
 from qpavoid.avoidance.step import filter_step
 from qpavoid.compiled import is_cached, lacking
@@ -22,16 +24,13 @@ from qpavoid.lab.study.sweep.job import Job, Row, run_job
 from qpavoid.lab.study.sweep.store import Store
 from qpavoid.lab.study.sweep.study import Study
 
-CHUNK_S = 1.0
-"""s that a worker is busy between two reports: the loss of a kill."""
-
-MOST_RUNS = 500
-"""Greatest number of runs in a chunk."""
+SHARD_S = 1.0
+"""s of the runs in a shard: the loss of a kill."""
 
 TRIES = 2
 """Number of workers that a run may kill before it is given up."""
 
-Results = list[tuple[Row, bytes | None]]
+Result: TypeAlias = tuple[Row, bytes | None]
 
 
 def sweep(
@@ -42,9 +41,9 @@ def sweep(
 ) -> int:
     """Do every run of a study that is not done yet, and return how many these were.
 
-    Rows are written as soon as a chunk of about a second comes back. A run that raises
-    becomes a row with outcome ``failed``; one that kills its worker twice, when it is
-    alone, one with outcome ``died``.
+    Rows are written after each second of runs. A run that raises becomes a row with outcome
+    ``failed``; one that kills its worker twice, when it is alone, one with outcome
+    ``died``.
 
     Args:
         study: The grid.
@@ -56,40 +55,20 @@ def sweep(
         DataError: Another sweep writes into the folder, or a shard is damaged or cannot
             be written; what is finished is kept.
     """
-    store, count, skipped = Store(out, study.text), 0, 0
-
-    def pending() -> Iterator[Job]:
-        nonlocal skipped
-        for job in study.jobs():
-            if job.run in done:
-                skipped += 1
-            else:
-                yield job
-
-    def keep(results: Results) -> None:
-        nonlocal count
-        store.save(results)
-        count += len(results)
-        progress(count, skipped)
-
+    store, count, many = Store(out, study.text), 0, workers or os.cpu_count() or 1
     with store.alone():
         done = store.done(with_logs=study.trajectories == "all")
-        chunks, many = _Chunks(pending()), workers or os.cpu_count() or 1
-        if many > 1:
-            _run_all(chunks, many, keep)
-        else:
-            for number, chunk in chunks:
-                _, results, seconds = work(number, chunk)
-                keep(results)
-                chunks.back(number, seconds)
+        jobs = [job for job in study.jobs() if job.run not in done]
+        results = _in_workers(jobs, many) if many > 1 else map(run_job, jobs)
+        found, spent = list[Result](), 0.0
+        for row, log in results:
+            found.append((row, log))
+            spent += float(row["wall_s"] or SHARD_S)
+            if spent >= SHARD_S or count + len(found) == len(jobs):
+                store.save(found)
+                count, found, spent = count + len(found), [], 0.0
+                progress(count, len(study) - len(jobs))
     return count
-
-
-def work(number: int, chunk: list[Job]) -> tuple[int, Results, float]:
-    """Do some runs; return them with the chunk's number and its time, s."""
-    started = perf_counter()
-    results = [run_job(job) for job in chunk]
-    return number, results, perf_counter() - started
 
 
 def _begin(parent: int) -> None:
@@ -110,87 +89,37 @@ def _pool(workers: int) -> ProcessPoolExecutor:
     )
 
 
-class _Chunks:
-    """Pending jobs in chunks of about a second, by number.
-
-    Attributes:
-        out: The chunks that have not come back.
-    """
-
-    def __init__(self, pending: Iterator[Job]) -> None:
-        self.out: dict[int, list[Job]] = {}
-        self._pending, self._number, self._size = pending, 0, 1
-
-    def __iter__(self) -> Iterator[tuple[int, list[Job]]]:
-        while chunk := list(islice(self._pending, self._size)):
-            self._number += 1
-            self.out[self._number] = chunk
-            yield self._number, chunk
-
-    def back(self, number: int, seconds: float) -> None:
-        """Take note of a chunk that came back."""
-        n = len(self.out.pop(number))
-        # At most doubled, for the first chunks may be quick by chance, and a chunk that
-        # is too long costs more in a kill than a short one in messages.
-        most = max(1, round(CHUNK_S * n / max(seconds, 1e-6)))
-        self._size = min(most, 2 * self._size, MOST_RUNS)
-
-
-def _run_all(chunks: _Chunks, workers: int, keep: Callable[[Results], None]) -> None:
-    """Run all chunks; after a worker's death its chunks alone, then the rest."""
+def _in_workers(jobs: Sequence[Job], workers: int) -> Iterator[Result]:
+    """Yield all results; after a worker's death those of its time alone, then others."""
+    left = iter(jobs)
     if lacking() and not is_cached(filter_step):  # one compiles, the others read
-        _run_alone([job for _, chunk in islice(chunks, 1) for job in chunk], keep)
-        chunks.out.clear()
+        yield from _alone([*islice(left, 1)])
     while True:
+        running: dict[Future[Result], Job] = {}
         pool = _pool(workers)
         try:
-            _run_in(pool, chunks, 2 * workers, keep)
-            return
+            while True:
+                for job in islice(left, 2 * workers - len(running)):
+                    running[pool.submit(run_job, job)] = job
+                if not running:
+                    return
+                for future in wait(running, return_when=FIRST_COMPLETED)[0]:
+                    yield future.result()
+                    del running[future]
         except BrokenExecutor:
             # Nobody says whose run killed the worker: all that were out at the time are
             # done again one by one, each with a process to lose.
-            suspects = [job for chunk in chunks.out.values() for job in chunk]
-            chunks.out.clear()
-            _run_alone(suspects, keep)
+            yield from _alone([*running.values()])
         finally:
             pool.shutdown(cancel_futures=True)
 
 
-def _run_in(
-    pool: ProcessPoolExecutor,
-    chunks: _Chunks,
-    most: int,
-    keep: Callable[[Results], None],
-) -> None:
-    """Run chunks in a pool, at most so many at a time."""
-    running: set[Future[tuple[int, Results, float]]] = set()
-    while True:
-        for chunk in islice(chunks, most - len(running)):
-            running.add(pool.submit(work, *chunk))
-        if not running:
-            return
-        ended, running = wait(running, return_when=FIRST_COMPLETED)
-        for future in ended:
-            number, results, seconds = future.result()
-            keep(results)
-            chunks.back(number, seconds)
-
-
-def _run_alone(suspects: list[Job], keep: Callable[[Results], None]) -> None:
-    """Do runs one at a time in a process of their own, to find the one that kills."""
-    tries = dict.fromkeys(suspects, 0)
-    while tries:
-        with _pool(1) as pool:
-            for job in list(tries):
-                tries[job] += 1
-                try:
-                    _, (result,), _ = pool.submit(work, 0, [job]).result()
-                except BrokenExecutor:
-                    if tries[job] < TRIES:
-                        break
-                    what = f"killed its worker {TRIES} times"
-                    result = job.row("died", what), None
-                keep([result])
-                del tries[job]
-                if result[0]["outcome"] == "died":
-                    break
+def _alone(jobs: Sequence[Job]) -> Iterator[Result]:
+    """Yield results of runs in a process of their own, to find the one that kills."""
+    for job in jobs:
+        result = job.row("died", f"killed its worker {TRIES} times"), None
+        for _ in range(TRIES):
+            with suppress(BrokenExecutor), _pool(1) as pool:
+                result = pool.submit(run_job, job).result()
+                break
+        yield result
