@@ -25,7 +25,7 @@ from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.scenario.scenario import Scenario, make_scenario
 from qpavoid.lab.sensing.lidar import Sensor
-from qpavoid.lab.simulation.outcome import outcome_of, verdict
+from qpavoid.lab.simulation.outcome import Outcome, outcome_of, verdict
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.worlds.crowd import Crowd
 from qpavoid.model.obstacles import Obstacles
@@ -61,23 +61,22 @@ class Rated:
         return see
 
 
-def drive(scenario: Scenario, predict: Predictor | None) -> np.void:
+def drive(scenario: Scenario, predict: Predictor | None) -> Outcome:
     """Return the outcome of a run."""
     method: Any = METHOD
     if predict is not None:
         method = Rated(predict, scenario)
         sensor = SimpleNamespace(start=method.sensor)
         scenario = replace(scenario, sensor=sensor, guide=GuideSettings())
-    (noted,) = outcome_of(run(scenario, method))
-    return noted  # type: ignore[no-any-return]
+    return outcome_of(run(scenario, method))
 
 
-def line(runs: list[np.void], usual: list[np.void]) -> str:
+def line(runs: list[Outcome], usual: list[Outcome]) -> str:
     """Return the cells of a predictor beside those of the usual one."""
     won, one = (np.array([verdict(x) == "arrived" for x in y]) for y in (runs, usual))
-    hits = [x["struck"] > 0 for x in runs if verdict(x) == "touched"]
-    near = sum(x["room"] < -1e-3 for x in runs)
-    times = np.array([[x["arrived"] for x in y] for y in (runs, usual)])[:, won & one]
+    hits = [x["contacts_moving"] > 0 for x in runs if verdict(x) == "touched"]
+    near = sum(x["min_room_m"] < -1e-3 for x in runs)
+    times = np.array([[x["arrived_s"] for x in y] for y in (runs, usual)])[:, won & one]
     cells = (
         f"{won.sum()} / {len(runs)} | {sum(hits)} + {len(hits) - sum(hits)} | {near}"
     )

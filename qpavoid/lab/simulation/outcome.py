@@ -1,8 +1,8 @@
-"""Outcome of a closed loop: one row of :data:`OUTCOME`."""
+"""Outcome of a closed loop: numbers by name, and a word."""
 
 import math
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -14,17 +14,20 @@ from qpavoid.types import Array, Pose, Twist
 if TYPE_CHECKING:
     from qpavoid.lab.simulation.log import Log
 
-NOTED = (
-    *("clearance", "room", "deviation", "changed", "relaxed", "blocked", "arrived"),
-    *("error", "heading_error", "still", "time", "start", "struck", "jerk", "length"),
+NUMBERS = (
+    *("arrived_s", "time_s", "min_clearance_m", "start_clearance_m", "contacts_moving"),
+    *("min_room_m", "max_error_m", "final_error_m", "final_heading_error_rad"),
+    *("changed_s", "relaxed_s", "blocked_s", "still_s", "length_m", "jerk_mps3"),
 )
-OUTCOME = np.dtype([(name, np.float64) for name in NOTED])
-"""Least clearance (m), least clearance less r_min(v_o) (m), greatest distance from the
-reference (m), seconds with a twist other than the desired one, relaxed, and blocked,
-when it had arrived for good (s; inf: never), last errors (m, rad), for how long it had
-not come :data:`PROGRESS` far at the end, how long it ran (s), clearance at time 0 (m),
-how many contacts began in a step in which it drove faster than :data:`CRAWL`, mean jerk
-(m/s³, see :func:`mean_jerk`), and how far it drove, to and fro (m)."""
+"""When the robot had arrived for good (inf: never), how long it ran, least clearance,
+that at time 0, how many contacts began in a step in which it drove faster than
+:data:`CRAWL`, least clearance less r_min(v_o), greatest distance from the reference,
+last errors, time with a twist other than the desired one, relaxed, and blocked, for how
+long it had not come :data:`PROGRESS` far at the end, how far it drove, to and fro, and
+mean jerk (:func:`mean_jerk`)."""
+
+Outcome: TypeAlias = dict[str, float]
+""":data:`NUMBERS` of a run."""
 
 CRAWL = 0.01
 """m/s; a robot none of whose points is faster stands."""
@@ -81,8 +84,8 @@ def contacts_moving(least: Array, pace: Array) -> npt.NDArray[np.intp]:
     return np.flatnonzero(touched[1:] & ~touched[:-1] & (pace > CRAWL))
 
 
-def outcome_of(log: "Log") -> npt.NDArray[np.void]:
-    """Return the outcome (1,) of a run from its log."""
+def outcome_of(log: "Log") -> Outcome:
+    """Return the outcome of a run from its log."""
     dt, times, status = log.meta["dt_s"], log["t_s"], log["status"]
     x, y = (np.append(log[key], log.final[i]) for i, key in enumerate(("x_m", "y_m")))
     heading = np.append(log["heading_rad"], log.final[2])[1:]
@@ -103,44 +106,42 @@ def outcome_of(log: "Log") -> npt.NDArray[np.void]:
     pace += np.abs(log["omega_radps"]) * reach
     off = np.hypot(log["x_m"] - log["x_ref_m"], log["y_m"] - log["y_ref_m"])
     row = (
+        times[settled] + dt if settled < len(times) else math.inf,
+        times[-1],
         log["least_clearance_m"].min(),
+        log["clearance_m"][0],
+        len(contacts_moving(log["least_clearance_m"], pace)),
         log["room_m"].min(),
         off.max(),
+        error[-1],
+        heading_error[-1],
         dt * log["changed"].sum(),
         dt * (status == RELAXED).sum(),
         dt * (status == BLOCKED).sum(),
-        times[settled] + dt if settled < len(times) else math.inf,
-        error[-1],
-        heading_error[-1],
         times[-1] - marked,
-        times[-1],
-        log["clearance_m"][0],
-        len(contacts_moving(log["least_clearance_m"], pace)),
-        mean_jerk(log["v_mps"], dt),
         dt * np.abs(log["v_mps"]).sum(),
+        mean_jerk(log["v_mps"], dt),
     )
-    return np.array([row], dtype=OUTCOME)
+    return dict(zip(NUMBERS, map(float, row), strict=True))
 
 
-LEAST = {"clearance", "room", "start"}
+LEAST = {"min_clearance_m", "min_room_m", "start_clearance_m"}
 """Of these the worst is the least, of all others the greatest."""
 
 
-def worst_of(outcomes: npt.NDArray[np.void]) -> npt.NDArray[np.void]:
-    """Return of outcomes (n,) the worst (1,) of every number.
+def worst_of(outcomes: Sequence[Outcome]) -> Outcome:
+    """Return the worst of every number.
 
     Of several robots those that have arrived do not count as standing still.
     """
+    worst = {k: (min if k in LEAST else max)(x[k] for x in outcomes) for k in NUMBERS}
     if len(outcomes) > 1:
-        outcomes["still"][np.isfinite(outcomes["arrived"])] = 0.0
-    worst = np.empty(1, OUTCOME)
-    for name in NOTED:
-        numbers = outcomes[name]
-        worst[name] = numbers.min() if name in LEAST else numbers.max()
+        lost = [x["still_s"] for x in outcomes if x["arrived_s"] == math.inf]
+        worst["still_s"] = max(lost, default=0.0)
     return worst
 
 
-def verdict(noted: Mapping[str, Any] | np.void) -> str:
+def verdict(noted: Mapping[str, float]) -> str:
     """Return what became of a run in a word, the same wherever one is said.
 
     ``touched``: the footprint met an obstacle. Else ``arrived``: at the end it was
@@ -148,13 +149,13 @@ def verdict(noted: Mapping[str, Any] | np.void) -> str:
     :data:`STALLED` seconds it had not come :data:`PROGRESS` far. Else ``off goal``.
 
     Args:
-        noted: A row of :data:`OUTCOME`, by its names.
+        noted: Outcome.
     """
-    if noted["clearance"] < 0.0:
+    if noted["min_clearance_m"] < 0.0:
         return "touched"
-    if math.isfinite(noted["arrived"]):
+    if math.isfinite(noted["arrived_s"]):
         return "arrived"
-    return "stalled" if noted["still"] > STALLED else "off goal"
+    return "stalled" if noted["still_s"] > STALLED else "off goal"
 
 
 def finite(value: float) -> float | None:

@@ -31,7 +31,7 @@ def metrics(log: Log) -> Metrics:
     Final errors are those from the reference, ``rms_error_m`` is over the run.
     Roughness is the mean |Δv|/dt (m/s²) and |Δω|/dt (rad/s²) of successive commands.
     """
-    (noted,) = outcome_of(log)
+    noted = outcome_of(log)
     v, omega, dt = log["v_mps"], log["omega_radps"], log.meta["dt_s"]
     error = np.hypot(log["x_m"] - log["x_ref_m"], log["y_m"] - log["y_ref_m"])
     turn = float(wrap_angle(log.final_reference[2] - log.final[2]))
@@ -39,11 +39,9 @@ def metrics(log: Log) -> Metrics:
         **{key: log.meta[key] for key in NAMED if key in log.meta},
         "outcome": verdict(noted),
         **zone(log),
-        "rms_error_m": float(np.sqrt(np.mean(error**2))),
-        "max_error_m": finite(noted["deviation"]),
-        "final_error_m": finite(noted["error"]),
+        **{name: finite(number) for name, number in noted.items()},
         "final_heading_error_rad": turn,
-        "path_length_m": finite(noted["length"]),
+        "rms_error_m": float(np.sqrt(np.mean(error**2))),
         "v_min_mps": float(v.min()),
         "v_max_mps": float(v.max()),
         "omega_min_radps": float(omega.min()),
@@ -51,9 +49,6 @@ def metrics(log: Log) -> Metrics:
         "roughness_v_mps2": _roughness(v, dt),
         "roughness_omega_radps2": _roughness(omega, dt),
         **effort(log),
-        "arrived_s": finite(noted["arrived"]),
-        "min_room_m": finite(noted["room"]),
-        "changed_s": finite(noted["changed"]),
     }
 
 
@@ -102,7 +97,6 @@ def zone(log: Log) -> Metrics:
         "zone_entry_s": entry,
         "zone_exit_s": exit_,
         "zone_duration_s": duration,
-        "min_clearance_m": finite(clearance.min()),
         "time_below_r_s": dt * len(inside),
         "time_below_r_min_s": dt * int((clearance < log["r_min_m"] - BELOW).sum()),
     }

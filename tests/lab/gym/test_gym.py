@@ -77,7 +77,7 @@ def test_it_drives_as_a_run_does(place, obstacles):
     file = place(CROSSING, obstacles)
     asked = np.random.default_rng(3).uniform((0.0, -1.0), (1.0, 1.0), (80, 2))
     log = run(load_scenario(file), Recorded(asked))
-    (noted,) = outcome_of(log)
+    noted = outcome_of(log)
     env = qgym.ScenarioEnv(file)
     env.reset()
     least, poses = np.inf, []
@@ -88,7 +88,7 @@ def test_it_drives_as_a_run_does(place, obstacles):
         if over:
             break
     k = len(poses)
-    assert over == (noted["clearance"] < 0.0) and (over or late)
+    assert over == (noted["min_clearance_m"] < 0.0) and (over or late)
     assert info["touched"] == over
     x, y = log["x_m"], log["y_m"]
     n = min(k, len(x) - 1)

@@ -9,7 +9,7 @@ from shapely import Polygon
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.log import Log
-from qpavoid.lab.simulation.outcome import OUTCOME, outcome_of, verdict, worst_of
+from qpavoid.lab.simulation.outcome import outcome_of, verdict, worst_of
 from qpavoid.lab.simulation.run import RobotObstacle, run, run_fleet
 from qpavoid.lab.study.plots import frames
 from qpavoid.model.kinematics import integrate, to_world
@@ -159,15 +159,15 @@ def test_run_wants_one_robot(three):
 
 
 def test_the_worst_robot_counts(three):
-    outcomes = np.concatenate([outcome_of(log) for log in three[1]])
-    outcomes["arrived"] = 3.0, 4.0, 5.0
-    outcomes["still"] = 9.0, 1.0, 1.0
-    assert worst_of(outcomes)["clearance"] == outcomes["clearance"].min()
-    assert verdict(worst_of(outcomes)[0]) == "arrived"
-    outcomes["still"] = 9.0, 1.0, 1.0
-    outcomes["arrived"][1] = math.inf
-    assert verdict(worst_of(outcomes)[0]) == "off goal"
-    assert worst_of(np.zeros(1, OUTCOME)) == np.zeros(1, OUTCOME)
+    outcomes = [outcome_of(log) for log in three[1]]
+    for one, arrived, still in zip(outcomes, (3.0, 4.0, 5.0), (9, 1, 1), strict=True):
+        one |= {"arrived_s": arrived, "still_s": float(still)}
+    least = min(one["min_clearance_m"] for one in outcomes)
+    assert worst_of(outcomes)["min_clearance_m"] == least
+    assert verdict(worst_of(outcomes)) == "arrived"
+    outcomes[1]["arrived_s"] = math.inf
+    assert verdict(worst_of(outcomes)) == "off goal"
+    assert worst_of(outcomes[:1]) == outcomes[0]
 
 
 def test_a_robot_of_several_parts_is_logged_drawn_and_met_by_another(tmp_path):

@@ -182,7 +182,7 @@ def test_metrics_of_a_log_made_by_hand():
     assert result["max_error_m"] == 0.5
     assert result["final_error_m"] == pytest.approx(0.05)
     assert result["final_heading_error_rad"] == pytest.approx(0.09)
-    assert result["path_length_m"] == pytest.approx(0.1 * (49 * 0.2 + 0.4))
+    assert result["length_m"] == pytest.approx(0.1 * (49 * 0.2 + 0.4))
     assert (result["v_min_mps"], result["v_max_mps"]) == (-0.4, 0.2)
     assert result["roughness_v_mps2"] == pytest.approx((97 * 0.2 + 2 * 0.4) / 99 / 0.1)
     assert result["solve_median_us"] == pytest.approx(49.5)

@@ -23,7 +23,7 @@ from qpavoid.lab.study.sweep.sources import scenario_file
     ],
 )
 def test_the_word(clearance, arrived, still, word):
-    noted = {"clearance": clearance, "arrived": arrived, "still": still}
+    noted = {"min_clearance_m": clearance, "arrived_s": arrived, "still_s": still}
     assert verdict(noted) == word
 
 

@@ -41,9 +41,9 @@ def sweep(
 ) -> int:
     """Do every run of a study that is not done yet, and return how many these were.
 
-    Rows are written after each second of runs. A run that raises becomes a row with outcome
-    ``failed``; one that kills its worker twice, when it is alone, one with outcome
-    ``died``.
+    Rows are written after each second of runs. A run that raises becomes a row with
+    outcome ``failed``; one that kills its worker twice, when it is alone, one with
+    outcome ``died``.
 
     Args:
         study: The grid.
@@ -90,7 +90,7 @@ def _pool(workers: int) -> ProcessPoolExecutor:
 
 
 def _in_workers(jobs: Sequence[Job], workers: int) -> Iterator[Result]:
-    """Yield all results; after a worker's death those of its time alone, then others."""
+    """Yield all results; after a worker's death those of its time alone, then more."""
     left = iter(jobs)
     if lacking() and not is_cached(filter_step):  # one compiles, the others read
         yield from _alone([*islice(left, 1)])

@@ -1,7 +1,6 @@
 """One run of a study: where its scene comes from, how it is run, and its row."""
 
 import json
-from collections.abc import Sequence
 from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
@@ -13,8 +12,13 @@ import numpy as np
 from qpavoid.lab.scenario.config import changed
 from qpavoid.lab.scenario.methods import solver_of
 from qpavoid.lab.scenario.scenario import Scenario, make_scenario
-from qpavoid.lab.simulation.log import Log
-from qpavoid.lab.simulation.outcome import finite, outcome_of, verdict, worst_of
+from qpavoid.lab.simulation.outcome import (
+    NUMBERS,
+    finite,
+    outcome_of,
+    verdict,
+    worst_of,
+)
 from qpavoid.lab.simulation.run import run_fleet
 from qpavoid.lab.worlds.source import Source
 
@@ -62,30 +66,11 @@ class Job(NamedTuple):
             "success": False,
             "contact": False,
             "duration_s": None,
-            **dict.fromkeys(NUMBER_COLUMNS),
+            **dict.fromkeys(NUMBERS),
             "error": error,
             **dict.fromkeys(CLOCK),
         }
 
-
-NUMBER_COLUMNS = {
-    "arrived_s": "arrived",
-    "time_s": "time",
-    "min_clearance_m": "clearance",
-    "start_clearance_m": "start",
-    "contacts_moving": "struck",
-    "min_room_m": "room",
-    "max_error_m": "deviation",
-    "final_error_m": "error",
-    "final_heading_error_rad": "heading_error",
-    "changed_s": "changed",
-    "relaxed_s": "relaxed",
-    "blocked_s": "blocked",
-    "still_s": "still",
-    "length_m": "length",
-    "jerk_mps3": "jerk",
-}
-"""Columns of a row; what :data:`qpavoid.lab.simulation.outcome.OUTCOME` calls them."""
 
 CLOCK = "solve_us", "solve_p99_us", "wall_s"
 """Those that depend on it: median and 99th percentile of what deciding takes in a step,
@@ -94,20 +79,26 @@ CLOCK = "solve_us", "solve_p99_us", "wall_s"
 
 def run_job(job: Job) -> tuple[Row, bytes | None]:
     """Run and return the row, and the log where it is kept; errors become rows."""
-    started = perf_counter()
+    started, kept = perf_counter(), BytesIO()
     try:
         changes = json.dumps(json.loads(job.changes) | json.loads(job.own))
         scene = find_scene(job.source, job.seed, changes, job.data)
         logs = run_fleet(scene, job.controller, job.solver)
-        (noted,) = worst_of(np.concatenate([outcome_of(log) for log in logs]))
-        row = job.row(verdict(noted)) | _numbers(noted)
-        row |= {"duration_s": scene.duration, **solve_times(logs)}
-        kept = job.keep == "all" or (job.keep == "failures" and not row["success"])
-        log = logs[0] if kept else None
+        noted = worst_of([outcome_of(log) for log in logs])
+        word = verdict(noted)
+        row = job.row(word) | {name: finite(x) for name, x in noted.items()}
+        row |= {"duration_s": scene.duration, "success": word == "arrived"}
+        row["contact"] = word == "touched"
+        times = np.concatenate([log["solve_time_s"] for log in logs])
+        row["solve_us"], row["solve_p99_us"] = np.percentile(
+            1e6 * times, (50.0, 99.0)
+        ).tolist()
+        if job.keep == "all" or (job.keep == "failures" and not row["success"]):
+            logs[0].save(kept)
     except (Exception, SystemExit) as error:  # of a method of one's own: any
-        row, log = job.row("failed", f"{type(error).__name__}: {error}"), None
+        row = job.row("failed", f"{type(error).__name__}: {error}")
     row["wall_s"] = perf_counter() - started
-    return row, None if log is None else _packed(log)
+    return row, kept.getvalue() or None
 
 
 @lru_cache(maxsize=4)
@@ -118,25 +109,3 @@ def find_scene(
     document = changed(source.sample(seed), json.loads(changes))
     path = Path(getattr(source, "path", source.name))
     return make_scenario(document, source.name, path, data)
-
-
-def solve_times(logs: Sequence[Log]) -> dict[str, float]:
-    """Return median and 99th percentile of what deciding takes in a step, µs."""
-    times = np.concatenate([log["solve_time_s"] for log in logs])
-    middle, high = np.percentile(1e6 * times, (50.0, 99.0)).tolist()
-    return {"solve_us": middle, "solve_p99_us": high}
-
-
-def _numbers(noted: np.void) -> Row:
-    """Return the numbers of a row; what is infinite does not apply."""
-    row: Row = {key: finite(noted[name]) for key, name in NUMBER_COLUMNS.items()}
-    contact = bool(noted["clearance"] < 0.0)
-    success = row["arrived_s"] is not None and not contact
-    return row | {"contact": contact, "success": success}
-
-
-def _packed(log: Log) -> bytes:
-    """Return the file of a log."""
-    file = BytesIO()
-    log.save(file)
-    return file.getvalue()
