@@ -186,10 +186,9 @@ class Body(NamedTuple):
         beyond_r_min: Required distance minus r_min, m.
         spread: Radius about the pivot of segment and required distance, m.
         speed: Greatest of its points, m/s.
-        growth: Rate of growth of the required distance, m/s.
         margin_now: Present margin of a static body near the robot, m; else ``inf``.
         sigma: σ of the velocity of a moving body, m/s.
-        kind: :data:`STANDS`, :data:`MOVES` or :data:`CREEPS`.
+        kind: :data:`STANDS` or :data:`MOVES`.
         owner: Number of the obstacle.
         group: Number of the group that begins with it, or −1.
     """
@@ -207,7 +206,6 @@ class Body(NamedTuple):
     beyond_r_min: float
     spread: float
     speed: float
-    growth: float
     margin_now: float
     sigma: float
     kind: int
@@ -219,49 +217,9 @@ BODY = layout(Body)
 BODY_SIZE = BODY.itemsize // 8
 """Layout of the table of bodies, and numbers of memory per body."""
 
-STANDS, MOVES, CREEPS = 0, 1, 2
-"""Kinds: static, moving, and, without look-ahead, a slow obstacle modelled as static
-and growing at its speed."""
-
-
-@compiled
-def copied(b: Body) -> Body:
-    """Return a copy of a row of the table."""
-    # fmt: off
-    return Body(b.x, b.y, b.x1, b.y1, b.x2, b.y2, b.v_x, b.v_y, b.turn, b.required,
-                b.beyond_r_min, b.spread, b.speed, b.growth, b.margin_now, b.sigma,
-                b.kind, b.owner, b.group)
-    # fmt: on
-
-
-@compiled_once
-def precedes(bodies: Table, i: int, j: int) -> bool:
-    """Return whether row i is before row j in lexicographic order."""
-    a, b = bodies[i], bodies[j]
-    # fmt: off
-    one = (a.x, a.y, a.x1, a.y1, a.x2, a.y2, a.v_x, a.v_y, a.turn, a.required,
-           a.beyond_r_min,
-           a.spread, a.speed, a.growth, a.kind)
-    other = (b.x, b.y, b.x1, b.y1, b.x2, b.y2, b.v_x, b.v_y, b.turn, b.required,
-             b.beyond_r_min, b.spread, b.speed, b.growth, b.kind)
-    # fmt: on
-    return one < other
-
-
-@compiled_once
-def sort_bodies(bodies: Table) -> None:
-    """Sort the rows by Shell's method, independent of the order of input."""
-    # Not numpy's sort, which allocates and is not in the C export.
-    gap = count = bodies.shape[0]
-    while gap > 1:
-        gap = max(gap * 5 // 11, 1)
-        for i in range(gap, count):
-            j = i - gap
-            while j >= 0 and precedes(bodies, j + gap, j):
-                copy = copied(bodies[j])
-                bodies[j] = bodies[j + gap]
-                bodies[j + gap] = copy
-                j -= gap
+STANDS, MOVES = 0, 1
+"""Kinds: static, moving. Without look-ahead slow obstacles are checked until the robot
+stands, like static ones but with their velocity; faster ones have rows alone."""
 
 
 @compiled
@@ -351,12 +309,10 @@ def line_contact(edges: Array, body: Body, ends: Ends) -> Contact:
     return wall_contact(edges, Segment(one.x, one.y, other.x, other.y))
 
 
-@compiled
-def contact_now(scene: Scene, body: Body) -> Contact:
+@compiled_once
+def contact_now(edges: Array, body: Body) -> Contact:
     """Return the present contact of the footprint with the segment of a body."""
-    return line_contact(
-        scene.edges, body, ends_at(body, 0.0, Frame(0.0, 0.0, 1.0, 0.0))
-    )
+    return line_contact(edges, body, ends_at(body, 0.0, Frame(0.0, 0.0, 1.0, 0.0)))
 
 
 FEW, MOST_GROUPED, WIDEST_GROUP = 4, 32, 0.3
@@ -401,7 +357,7 @@ def group_of(scene: Scene, begin: int, end: int) -> Body:
     x1, y1, x2, y2 = one.x - x, one.y - y, other.x - x, other.y - y
     spread = required + math.sqrt(max(x1**2 + y1**2, x2**2 + y2**2))
     # fmt: off
-    return Body(x, y, x1, y1, x2, y2, z, z, z, required, required - r_min, spread, z, z,
+    return Body(x, y, x1, y1, x2, y2, z, z, z, required, required - r_min, spread, z,
                 math.inf, z, STANDS, end, -1)
 
 
@@ -436,12 +392,9 @@ def bodies_in_reach(scene: Scene, obstacles: Arrays, age: float, horizon: float)
     for i in range(capsules.shape[0]):
         body = capsule_body(scene, capsules, i, age, horizon)
         apart = math.sqrt(body.x * body.x + body.y * body.y) - body.spread
-        near = apart < still
+        near = body.speed <= s.speed_low and apart < still + body.speed * stop
         if body.kind == MOVES:
             near = apart < radius + (body.speed + fastest) * horizon
-        elif body.kind == CREEPS:
-            slow = body.growth <= s.speed_low
-            near = slow and apart < still + body.growth * stop
         if near:
             bodies[count] = body
             cap_now(scene, bodies[count])
@@ -452,8 +405,6 @@ def bodies_in_reach(scene: Scene, obstacles: Arrays, age: float, horizon: float)
         cap_behind(scene, count, tangent_of_nearest(scene, count, one.normal))
     if horizon > 0.0:
         group_points(scene, first)
-    # Points keep the order of the scan, in which neighbours form groups.
-    sort_bodies(bodies[first:count])
     return count
 
 
@@ -470,7 +421,7 @@ def tangent_of_nearest(scene: Scene, count: int, side: Pair) -> Tangent:
         distance = body.required - body.beyond_r_min - slack
         within = 0.0 < distance < min(near, nearest.distance)
         if within and body.kind == STANDS:
-            c = contact_now(scene, body)
+            c = contact_now(scene.edges, body)
             if c.n_x * side[0] + c.n_y * side[1] <= 0.0:
                 place, normal = (c.x, c.y), (c.n_x, c.n_y)
                 nearest = tangent_at(scene.edges, place, normal, distance)
@@ -500,17 +451,15 @@ def point_body(scene: Scene, place: Pair, required: float, owner: int) -> Body:
     if scene.settings[0].closing_gain > 0.0:
         required += closing_margin(scene, place, (0.0, 0.0))
     # fmt: off
-    return Body(x, y, z, z, z, z, z, z, z, required, beyond, required, z, z, math.inf,
-                z, STANDS, owner, -1)
+    return Body(x, y, z, z, z, z, z, z, z, required, beyond, required, z, math.inf, z,
+                STANDS, owner, -1)
 
 
 @compiled_once
 def capsule_body(
     scene: Scene, capsules: Array, i: int, age: float, horizon: float
 ) -> Body:
-    """Return the body of a capsule: static, moving, or growing without look-ahead.
-
-    Its end farther back comes first, independent of the order of input.
+    """Return the body of a capsule, static or moving.
 
     Args:
         scene: Of the step.
@@ -519,25 +468,21 @@ def capsule_body(
         age: Of the measurement, s.
         horizon: Of the look-ahead, s; 0: none.
     """
-    c, speed, growth = capsules[i], speed_bound(capsules, i), 0.0
+    c, speed, kind = capsules[i], speed_bound(capsules, i), MOVES
     x, y, v_x, v_y = c[PIVOT_X], c[PIVOT_Y], c[V_X], c[V_Y]
     r_min, required = required_distance(scene.settings, speed, age)
     required += closing_margin(scene, (x, y), (v_x, v_y)) + c[RADIUS]
     x1, y1, x2, y2 = c[X1], c[Y1], c[X2], c[Y2]
-    nearer, level = abs(y2) < abs(y1), abs(y2) == abs(y1)
-    if x2 < x1 or (x2 == x1 and (nearer or (level and y2 < y1))):
-        x1, y1, x2, y2 = x2, y2, x1, y1
     x1, y1, x2, y2 = x1 - x, y1 - y, x2 - x, y2 - y
     spread = required + math.sqrt(max(x1**2 + y1**2, x2**2 + y2**2))
-    kind, turn = MOVES, c[TURN]
-    sigma = c[SIGMA]
-    still = speed <= SPEED_AT_REST and sigma == 0.0
-    if still or horizon == 0.0:
-        kind, growth = (STANDS, 0.0) if speed <= SPEED_AT_REST else (CREEPS, speed)
-        v_x, v_y, turn, speed, sigma = 0.0, 0.0, 0.0, 0.0, 0.0
+    turn, sigma = c[TURN], c[SIGMA]
+    if horizon == 0.0:
+        kind, sigma = STANDS, 0.0
+    if speed <= SPEED_AT_REST and sigma == 0.0:
+        kind, v_x, v_y, turn, speed = STANDS, 0.0, 0.0, 0.0, 0.0
     # fmt: off
     return Body(x, y, x1, y1, x2, y2, v_x, v_y, turn, required, required - r_min,
-                spread, speed, growth, math.inf, sigma, kind, int(c[OWNER]), -1)
+                spread, speed, math.inf, sigma, kind, int(c[OWNER]), -1)
 
 
 @compiled_once
@@ -546,12 +491,12 @@ def cap_now(scene: Scene, body: Row) -> None:
     far = limits_of(scene.robot).circumradius + body.spread
     if body.kind == MOVES or body.x**2 + body.y**2 >= far * far:
         return
-    distance = contact_now(scene, body).distance
+    distance = contact_now(scene.edges, body).distance
     # Inside r_min no plan keeps it, not even standing still; the rows of the present
     # lead out.
     missing = body.required - distance - tolerance(scene)
     if missing > 0.0:
-        body.growth, body.required = 0.0, body.required - missing
+        body.required -= missing
         body.spread -= missing
     body.margin_now = distance - body.required
 

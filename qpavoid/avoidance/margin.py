@@ -49,7 +49,6 @@ from qpavoid.avoidance.bodies import (
     line_contact,
     moves,
     part_contact,
-    precedes,
     threshold,
     with_bodies,
 )
@@ -78,7 +77,7 @@ def circle_margin(scene: Scene, body: Body, time: float, at: Frame) -> float:
 @compiled
 def growth_of(scene: Scene, body: Body) -> float:
     """Return the rate of growth of a body's required distance, m/s."""
-    return float(body.growth + (scene.drift if body.kind != MOVES else 0.0))
+    return 0.0 if body.kind == MOVES else scene.drift
 
 
 @compiled
@@ -249,25 +248,6 @@ LOOKS = 80
 AFAR = 0.1
 """m; excess of the margin above which the bound of the circles is used."""
 
-STEP = 0.05
-"""s; sampling period of the search for the least margin."""
-
-MOST_SKIPPED = 1e6
-"""Greatest number of skipped steps: compiled, a floor is an integer of 64 bits."""
-
-REFINEMENTS = 6
-"""Bisections about the time of the least margin."""
-
-
-@compiled_once
-def margin_at(scene: Scene, rollout: Rollout, i: int, time: float) -> float:
-    """Return the margin of body i at a time, m."""
-    body = scene.bodies[i]
-    arc = rollout.arcs[arc_index(rollout.arcs, 0, time)]
-    ends = ends_at(body, time, frame_at(arc, time, scene.longest))
-    distance = line_contact(scene.edges, body, ends).distance
-    return float(distance - body.required - growth_of(scene, body) * time)
-
 
 @compiled_once
 def too_near(
@@ -316,53 +296,14 @@ def too_near(
     return True, time
 
 
-@compiled_once
-def least_margin(
-    scene: Scene, rollout: Rollout, i: int, span: Pair, enough: float
-) -> tuple[float, float]:
-    """Return the least sampled margin of body i, m, and its time, s.
+STEP = 0.05
+"""s; sampling period of the search for the least margin."""
 
-    Sampled every :data:`STEP`, at most :data:`LOOKS` times, then bisected about the
-    least.
+MOST_SKIPPED = 1e6
+"""Greatest number of skipped steps: compiled, a floor is an integer of 64 bits."""
 
-    Args:
-        scene: With the body.
-        rollout: Of the robot.
-        i: Number of the body.
-        span: Begin and end of the search, s.
-        enough: Upper bound of the result, m.
-    """
-    arcs, dt, (time, end) = rollout.arcs, scene.longest, span
-    body, least, when, row = scene.bodies[i], enough, -1.0, 0
-    passing = passing_speed(scene, rollout, body)
-    pace = closing_speed(scene, rollout, body)
-    step = max(STEP, (end - time) / LOOKS)
-    for _ in range(LOOKS + 1):
-        row = arc_index(arcs, row, time)
-        at = frame_at(arcs[row], time, dt)
-        growth = growth_of(scene, body) * time
-        margin, speed = circle_margin(scene, body, time, at) - growth, passing
-        if margin < least + AFAR:
-            contact = line_contact(scene.edges, body, ends_at(body, time, at))
-            margin, speed = contact.distance - body.required - growth, pace
-            if margin < least:
-                least, when = margin, time
-        if time >= end:
-            break
-        # Within so many steps the margin cannot fall below the least so far.
-        steps, way = 1.0, speed * step
-        if way > 0.0:
-            steps = max(math.floor(min((margin - least) / way, MOST_SKIPPED)), 1.0)
-        time = min(time + steps * step, end)
-    for _ in range(REFINEMENTS if when >= 0.0 else 0):
-        step *= 0.5
-        for side in range(2):
-            time = min(max(when + (2 * side - 1) * step, span[0]), end)
-            margin = margin_at(scene, rollout, i, time)
-            if margin < least:
-                least, when = margin, time
-    return least, when
-
+RESOLUTION, DEEPEST = 1e-3, 1e6
+"""m; resolution of the least margin, and its greatest deficit."""
 
 SPARE = 0.02
 """m; excess of a group's margin below which its points are checked one by one."""
@@ -451,29 +392,106 @@ def violation_of(
 
 
 @compiled_once
-def keeps_all(scene: Scene, rollout: Rollout, watch: Watch) -> bool:
-    """Return whether no body violates its threshold."""
-    i = next_body(scene, rollout, 0, watch)
-    while i < scene.bodies.shape[0]:
-        if violation_of(scene, rollout, i, watch, 0.0).body >= 0:
-            return False
-        i = next_body(scene, rollout, i + 1, watch)
-    return True
-
-
-@compiled_once
-def first_violated(
-    scene: Scene, rollout: Rollout, watch: Watch, slack: float
-) -> Violation:
-    """Return the first body, in the order of rows, that violates, and when.
+def violation(scene: Scene, rollout: Rollout, watch: Watch, slack: float) -> Violation:
+    """Return a violation of a threshold along a rollout; body −1: none.
 
     ``slack``: see :func:`too_near`.
     """
-    met = Violation(-1, 0.0)
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
-        if met.body < 0 or precedes(scene.bodies, i, met.body):
-            found = violation_of(scene, rollout, i, watch, slack)
-            met = found if found.body >= 0 else met
+        met = violation_of(scene, rollout, i, watch, slack)
+        if met.body >= 0:
+            return met
+        i = next_body(scene, rollout, i + 1, watch)
+    return Violation(-1, 0.0)
+
+
+@compiled_once
+def first_violation(
+    scene: Scene, rollout: Rollout, watch: Watch, slack: float
+) -> Violation:
+    """Return the violation at the least time; arguments as :func:`violation`."""
+    met, i = Violation(-1, 0.0), next_body(scene, rollout, 0, watch)
+    while i < scene.bodies.shape[0]:
+        found = violation_of(scene, rollout, i, watch, slack)
+        if found.body >= 0:
+            met, ((end, level), (rest, least)) = found, watch
+            # The others are checked up to this time.
+            watch = Watch((min(end, met.time), level), (min(rest, met.time), least))
         i = next_body(scene, rollout, i + 1, watch)
     return met
+
+
+@compiled_once
+def keeps(scene: Scene, rollout: Rollout, moving: bool, level: float) -> bool:
+    """Return whether the moving or the static bodies keep a threshold, m."""
+    watch = Watch(UNWATCHED, (rollout.rest, level))
+    if moving:
+        watch = Watch((scene.settings[0].horizon, level), UNWATCHED)
+    return violation(scene, rollout, watch, 0.0).body < 0
+
+
+@compiled_once
+def sampled_margin(
+    scene: Scene, rollout: Rollout, i: int, end: float, most: float
+) -> float:
+    """Return the least of the sampled margins of body i up to a time, m, ≤ ``most``.
+
+    Sampled every :data:`STEP`, at most :data:`LOOKS` times, but for samples that cannot
+    be less.
+    """
+    arcs, body, least, time, row = rollout.arcs, scene.bodies[i], most, 0.0, 0
+    passing = passing_speed(scene, rollout, body)
+    step = max(STEP, end / LOOKS)
+    for _ in range(LOOKS + 1):
+        row = arc_index(arcs, row, time)
+        at = frame_at(arcs[row], time, scene.longest)
+        margin, speed = circle_margin(scene, body, time, at), passing
+        if margin < least + AFAR:
+            contact = line_contact(scene.edges, body, ends_at(body, time, at))
+            margin, speed = (
+                contact.distance - body.required,
+                closing_speed(scene, rollout, body),
+            )
+        margin -= growth_of(scene, body) * time
+        least = min(least, margin)
+        if time >= end:
+            break
+        steps, way = 1.0, speed * step
+        if way > 0.0:
+            steps = max(math.floor(min((margin - least) / way, MOST_SKIPPED)), 1.0)
+        time = min(time + steps * step, end)
+    return least
+
+
+@compiled_once
+def sampled_least(scene: Scene, rollout: Rollout, moving: bool, most: float) -> float:
+    """Return the least sampled margin of the moving or the static bodies, m.
+
+    Of the moving ones up to the horizon, of the static ones until rest; at most
+    ``most``. Samples may miss the least.
+    """
+    least, end = most, scene.settings[0].horizon if moving else rollout.rest
+    for i in range(scene.bodies.shape[0]):
+        if moves(scene, i) == moving:
+            least = sampled_margin(scene, rollout, i, end, least)
+    return least
+
+
+@compiled_once
+def least_margin(scene: Scene, rollout: Rollout, moving: bool, most: float) -> float:
+    """Return a lower bound of the least margin of the moving or the static bodies, m.
+
+    A threshold that is kept: see :func:`sampled_least`.
+    """
+    if keeps(scene, rollout, moving, most):
+        return most
+    level, step = sampled_least(scene, rollout, moving, most), RESOLUTION
+    while step < DEEPEST and not keeps(scene, rollout, moving, level):
+        level, step = level - step, 2.0 * step
+    step *= 0.5
+    while step > RESOLUTION:
+        step *= 0.5
+        if keeps(scene, rollout, moving, level + step):
+            level += step
+    return level

@@ -15,8 +15,14 @@ import numpy.typing as npt
 from qpavoid.avoidance.bodies import BODY, Scene, Setup
 from qpavoid.avoidance.settings import MOST_PENDING, FilterSettings
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
-from qpavoid.model.kinematics import Frame, moved_on
-from qpavoid.model.robot import RELATIVE_ROUNDING, braking_steps, limit_twist, limits_of
+from qpavoid.model.kinematics import Frame, integrate, moved_on
+from qpavoid.model.robot import (
+    RELATIVE_ROUNDING,
+    braking_steps,
+    braking_twist,
+    limit_twist,
+    limits_of,
+)
 from qpavoid.types import (
     Array,
     MatrixWritten,
@@ -130,14 +136,12 @@ class Rollout(NamedTuple):
         speed: Greatest |v|, m/s.
         turning: Greatest |ω|, rad/s.
         rest: Time from which on the robot stands, s.
-        target: First target twist of the plan.
     """
 
     arcs: Table
     speed: float
     turning: float
     rest: float
-    target: Pair
 
 
 @compiled
@@ -161,25 +165,6 @@ def most_arcs(settings: FilterSettings) -> int:
 
 
 @compiled_once
-def ramp(
-    now: float, target: float, step: float, many: int
-) -> tuple[float, float, float]:
-    """Return a value after ``many`` steps towards a target, its mean, ∂mean/∂target.
-
-    At the start of each step it moves by at most ``step``.
-    """
-    gap = target - now
-    full = min(float(many), math.floor(abs(gap) / step))
-    moved = math.copysign(step, gap)
-    end = target if full < many else now + many * moved
-    # A staircase: `full` steps of equal height, then the target for the rest.
-    rest = float(many) - full
-    mean = (full * now + 0.5 * full * (full + 1.0) * moved + rest * target) / many
-    # Exactly the target, not many·target/many: equal values join arcs.
-    return end, mean if full > 0.0 else target, rest / many
-
-
-@compiled_once
 def arc_index(arcs: Table, row: int, time: float) -> int:
     """Return the index of the arc driven at a time, searched from ``row`` on."""
     while row + 1 < arcs.shape[0] and arcs[row + 1].begin <= time:
@@ -198,63 +183,40 @@ def arc_from(begin: float, at: Frame, twist: Pair, steps: float) -> Arc:
 
 
 @compiled_once
-def roll_out(scene: Scene, plan: Plan, now: Pair, held: float, many: int) -> Rollout:
-    """Return the rollout of a plan, in the scene's memory: valid until the next one.
-
-    Args:
-        scene: Robot, settings and memory.
-        plan: The plan.
-        now: The first twist; with ``held`` = 0 the twist driven last.
-        held: s for which ``now`` is driven first: a control step, or 0.
-        many: Control steps per arc of a ramp, driven with their mean twist; 1 is exact,
-            and keeps the wheels' limits.
-    """
+def roll_out(scene: Scene, plan: Plan) -> Rollout:
+    """Return the rollout of a plan, in the scene's memory: valid until the next one."""
     robot, dt, arcs = scene.robot, scene.settings[0].dt, scene.arcs
-    limits = limits_of(robot)
     at, time, row, same = Frame(0.0, 0.0, 1.0, 0.0), 0.0, 0, SAME_TIME * dt
-    speed, turning = 0.0, 0.0
-    (twist_v, twist_omega), last = now, plan.end - dt
-    # A plan of one control step consists of braking only.
-    if 0.0 < held <= last + same:
-        arcs[0] = arc_from(0.0, at, now, math.inf)
-        at, time, row = moved_on(at, now[0], now[1], held), held, 1
-        speed, turning = abs(now[0]), abs(now[1])
+    speed, turning, (v, omega), last = 0.0, 0.0, scene.last, plan.end - dt
+    target = (plan.v_then, plan.omega_then)
     for part in range(2):
-        until, v, omega = last, plan.v_then, plan.omega_then
+        until, target = last, (plan.v_then, plan.omega_then)
         if part == 0:
-            until, v, omega = min(plan.switch, last), plan.v, plan.omega
+            until, target = min(plan.switch, last), (plan.v, plan.omega)
         while time < until - same and row < arcs.shape[0] - 1:
-            lasts = min(many * dt, until - time)
-            v_end, v_mean, v_share = ramp(twist_v, v, limits.acceleration * dt, many)
-            w_end, w_mean, w_share = ramp(
-                twist_omega, omega, limits.angular_acceleration * dt, many
-            )
-            # The wheels' limit couples v and ω; means would not keep it.
-            if many == 1:
-                before = (twist_v, twist_omega)
-                v_end, w_end = limit_twist(robot, (v, omega), before, dt)
-                v_mean, w_mean = v_end, w_end
-            # Both are at their target: one arc to the end of this part.
-            if v_mean == v and w_mean == omega:
-                lasts = until - time
-            arcs[row] = arc_from(time, at, (v_mean, w_mean), math.inf)
+            before = (v, omega)
+            v, omega = limit_twist(robot, target, before, dt)
+            # One arc to the end of this part once the twist does not change any more.
+            settled = (v, omega) == target or (v, omega) == before
+            lasts = until - time if settled else min(dt, until - time)
+            arcs[row] = arc_from(time, at, (v, omega), math.inf)
             if part == 0:
-                arcs[row].slope_v, arcs[row].slope_omega = v_share, w_share
-            at, time, row = moved_on(at, v_mean, w_mean, lasts), time + lasts, row + 1
-            speed, turning = max(speed, abs(v_mean)), max(turning, abs(w_mean))
-            twist_v, twist_omega = v_end, w_end
+                arcs[row].slope_v = 1.0 if v == target[0] else 0.0
+                arcs[row].slope_omega = 1.0 if omega == target[1] else 0.0
+            at, time, row = moved_on(at, v, omega, lasts), time + lasts, row + 1
+            speed, turning = max(speed, abs(v)), max(turning, abs(omega))
     # The last control step still accelerates to the target; braking starts from there.
-    if row > 0 or held == 0.0:
-        v, omega = plan.v_then, plan.omega_then
-        if plan.switch > last + same:
-            v, omega = plan.v, plan.omega
-        before = (twist_v, twist_omega)
-        twist_v, twist_omega = limit_twist(robot, (v, omega), before, dt)
-    steps = braking_steps(robot, twist_v, twist_omega, dt)
-    arcs[row] = arc_from(time, at, (twist_v, twist_omega), steps)
-    speed, turning = max(speed, abs(twist_v)), max(turning, abs(twist_omega))
+    if plan.switch > last + same:
+        target = (plan.v, plan.omega)
+    if last < -same:
+        v, omega = braking_twist(robot, v, omega, dt)
+    else:
+        v, omega = limit_twist(robot, target, (v, omega), dt)
+    steps = braking_steps(robot, v, omega, dt)
+    arcs[row] = arc_from(time, at, (v, omega), steps)
+    speed, turning = max(speed, abs(v)), max(turning, abs(omega))
     rest = time + scene.longest * steps if speed + turning > 0.0 else time
-    return Rollout(arcs[: row + 1], speed, turning, rest, (plan.v, plan.omega))
+    return Rollout(arcs[: row + 1], speed, turning, rest)
 
 
 @compiled
@@ -285,7 +247,7 @@ def frame_at(arc: Arc, time: float, dt: float) -> Frame:
 def _fill_places_fits(
     setup: Setup,
     plan: Plan,
-    twist: Pair,
+    last: Pair,
     times: Vector,
     memory: VectorWritten,
     places: Annotated[MatrixWritten, Sizes(0, 2)],
@@ -302,32 +264,23 @@ def _fill_places_fits(
 def fill_places(
     setup: Setup,
     plan: Plan,
-    twist: Pair,
+    last: Pair,
     times: Vector,
     memory: VectorWritten,
     places: Annotated[MatrixWritten, Sizes(0, 2)],
 ) -> float:
-    """Fill in the positions of a robot at times (n,); return when it stands, s.
+    """Fill in x and y (n, 2), m, at times (n,) of a plan; return when it rests, s.
 
-    A twist for one control step, then a plan. Robot frame.
-
-    Args:
-        setup: Limits and control step.
-        plan: Rest of the plan after that step.
-        twist: v (m/s), ω (rad/s).
-        times: From now on, s.
-        memory: Of :func:`most_arcs` arcs of :data:`ARC_SIZE` numbers.
-        places: (n, 2) x, y, m.
+    ``last`` is the twist driven last; ``memory`` holds :func:`most_arcs` arcs of
+    :data:`ARC_SIZE` numbers.
     """
     (edges, robot, settings), dt = setup, setup.settings[0].dt
     none, arcs, still = memory[:0].view(BODY), memory.view(ARC), (0.0, 0.0)
     # fmt: off
-    scene = Scene(edges, robot, settings, none, twist, still, arcs, none, dt, 0.0,
+    scene = Scene(edges, robot, settings, none, last, still, arcs, none, dt, 0.0,
                   math.inf)
-    whole = Plan(plan.v, plan.omega, plan.switch + dt, plan.v_then, plan.omega_then,
-                 plan.end + dt)
     # fmt: on
-    rollout = roll_out(scene, whole, twist, dt, 1)
+    rollout = roll_out(scene, plan)
     for k in range(times.shape[0]):
         row = arc_index(rollout.arcs, 0, times[k])
         at = frame_at(rollout.arcs[row], times[k], dt)
@@ -336,16 +289,19 @@ def fill_places(
 
 
 def places_of(setup: Setup, plan: Plan, twist: Pair, tick: float) -> Array:
-    """Return the positions (n, 2), m, until the robot stands, one per ``tick`` (s).
+    """Return the positions (n, 2), m, until rest of a robot that drives a plan.
 
-    Arguments as in :func:`fill_places`.
+    At present, after a control step with ``twist``, and then one per ``tick``, s, of
+    the rest of its plan.
     """
     memory, given = np.empty(most_arcs(setup.settings) * ARC_SIZE), (setup, plan, twist)
     rest = fill_places(*given, np.empty(0), memory, np.empty((0, 2)))
     times = np.append(np.arange(0.0, rest, tick), rest)
     places = np.empty((len(times), 2))
     fill_places(*given, times, memory, places)
-    return places
+    x, y, heading = integrate((0.0, 0.0, 0.0), twist, 0.0, setup.settings[0]["dt"])
+    c, s = math.cos(heading), math.sin(heading)
+    return np.vstack([(0.0, 0.0), places @ [(c, s), (-s, c)] + (x, y)])
 
 
 class Kept(NamedTuple):
@@ -364,7 +320,6 @@ class Kept(NamedTuple):
         mode: Of the choice, see :data:`AS_COMMANDED`.
         due: Control steps until the next review.
         group: Next group of starts.
-        third: Third of the plans that is searched next; 0: all.
     """
 
     v: float
@@ -379,7 +334,6 @@ class Kept(NamedTuple):
     mode: int
     due: int
     group: int
-    third: int
 
 
 KEPT = layout(Kept)

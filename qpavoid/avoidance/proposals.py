@@ -28,7 +28,6 @@ from qpavoid.avoidance.bodies import (
     ends_at,
     moves,
     part_contact,
-    precedes,
     tolerance,
 )
 from qpavoid.avoidance.cbf_rows import wheel_rows
@@ -37,10 +36,9 @@ from qpavoid.avoidance.margin import (
     Watch,
     circle_margin,
     closing_speed,
-    first_violated,
+    first_violation,
     next_body,
     passing_speed,
-    violation_of,
 )
 from qpavoid.avoidance.plan import (
     AS_COMMANDED,
@@ -81,6 +79,33 @@ DIAGONAL = math.tan(math.pi / 8.0)
 """tan 22.5°: sectors are centred on axes and diagonals, where flat sides lie."""
 
 
+class Query(NamedTuple):
+    """Problem of the look-ahead.
+
+    Attributes:
+        box: Limits of the target.
+        command: v and ω as requested.
+        desired: The command; with look-ahead clipped to the limits.
+        predicted: Memory of the predicted contacts.
+        closer: Memory of :func:`qpavoid.avoidance.selection.at_min_clearance`.
+        rows: Memory of the QP; the first ``separating`` rows are filled in.
+        separating: Rows of the present: with look-ahead of static obstacles inside
+            r_min only, without it of all obstacles in reach.
+        slack_tolerance: See :func:`qpavoid.qp.exact.relaxation`.
+        ahead: Whether with look-ahead.
+    """
+
+    box: Box
+    command: Pair
+    desired: Pair
+    predicted: Table
+    closer: Table
+    rows: Array
+    separating: int
+    slack_tolerance: float
+    ahead: bool
+
+
 class Predicted(NamedTuple):
     """A future contact that gets a row.
 
@@ -103,23 +128,9 @@ class Predicted(NamedTuple):
     body: int
 
 
-PREDICTED, FRAME = layout(Predicted), layout(Frame)
-PREDICTED_SIZE, FRAME_SIZE = PREDICTED.itemsize // 8, FRAME.itemsize // 8
-"""Layouts of the tables of predicted contacts and frames, and numbers per row."""
-
-
-class Tables(NamedTuple):
-    """Memory of the look-ahead.
-
-    Attributes:
-        predicted: (:func:`most_predicted`,) of :class:`Predicted`.
-        frames: (ticks + 1,) predicted robot frames.
-        closer: Bodies of :func:`qpavoid.avoidance.selection.at_min_clearance`.
-    """
-
-    predicted: Table
-    frames: Table
-    closer: Table
+PREDICTED = layout(Predicted)
+PREDICTED_SIZE = PREDICTED.itemsize // 8
+"""Layout of the table of predicted contacts, and numbers of memory per contact."""
 
 
 @entry
@@ -171,17 +182,15 @@ def note_contact(
             slot = max(math.ceil(time / tick - SAME_TIME) - 1, 0) // STRIDE
             row = slot * OCTANTS + sector(contact.n_x, contact.n_y)
             one = predicted[row]
-            # Of equal margins the first body's: independent of the order of input.
-            if margin < one.margin or (
-                margin == one.margin and precedes(scene.bodies, i, one.body)
-            ):
+            # A tie is broken independently of the order of input.
+            if (margin, contact.y) < (one.margin, one.y):
                 p_x, p_y, n_x, n_y = contact.x, contact.y, contact.n_x, contact.n_y
                 predicted[row] = Predicted(p_x, p_y, n_x, n_y, margin, time, i)
     return least
 
 
 @compiled_once
-def predict_contacts(scene: Scene, rollout: Rollout, tables: Tables) -> None:
+def predict_contacts(scene: Scene, rollout: Rollout, predicted: Table) -> None:
     """Fill in the contacts that get a row of the linearisation.
 
     Contacts with similar normals at about the same time give similar rows; the one with
@@ -189,26 +198,21 @@ def predict_contacts(scene: Scene, rollout: Rollout, tables: Tables) -> None:
     again when its margin may have changed by its value. A missed contact costs at most
     an iteration, since the solution is verified in full.
     """
-    s, arcs = scene.settings[0], rollout.arcs
-    predicted, frames = tables.predicted, tables.frames
+    s = scene.settings[0]
     for row in range(predicted.shape[0]):
         # Empty: no smaller margin yet.
-        predicted[row].margin = ROW_WITHIN
-    for k in range(frames.shape[0]):
-        frames[k].cos = math.inf
+        predicted[row].margin, predicted[row].y = ROW_WITHIN, -math.inf
     watch = Watch((s.horizon, ROW_WITHIN), (s.horizon_still, ROW_WITHIN))
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
         body, end = scene.bodies[i], s.horizon if moves(scene, i) else s.horizon_still
-        last, k = round(end / s.tick), 1
+        last, k, row = round(end / s.tick), 1, 0
         pace = s.tick * closing_speed(scene, rollout, body) + TINY
         passing = s.tick * passing_speed(scene, rollout, body) + TINY
         while k <= last:
             time = s.tick * k
-            # An impossible cosine marks a frame not filled in for this rollout.
-            if frames[k].cos > 1.0:
-                frames[k] = frame_at(arcs[arc_index(arcs, 0, time)], time, s.dt)
-            at = Frame(frames[k].x, frames[k].y, frames[k].cos, frames[k].sin)
+            row = arc_index(rollout.arcs, row, time)
+            at = frame_at(rollout.arcs[row], time, s.dt)
             margin = circle_margin(scene, body, time, at)
             if margin > 2.0 * ROW_WITHIN:
                 k += 2 + int(min((margin - ROW_WITHIN) / passing, last))
@@ -266,23 +270,23 @@ def fill_slopes(rollout: Rollout, dt: float) -> None:
 
 @compiled_once
 def linearised_rows(
-    scene: Scene, rollout: Rollout, met: Violation, tables: Tables, rows: Array
+    scene: Scene, query: Query, rollout: Rollout, about: Pair, met: Violation
 ) -> int:
-    """Fill in the rows margin + ∇d·(u − ū) ≥ :data:`ROW_ROOM`, m; return their number.
+    """Fill in the rows margin + ∇d·(u − ū) ≥ :data:`ROW_ROOM`, m; return all rows.
 
-    ū is the first target of the rollout. One row per side with a margin below
-    :data:`ROW_WITHIN`, including that of the violation ``met``, which may lie between
-    two ticks.
+    Their number includes the separating ones. ū is ``about``, of the rollout. One row
+    per side with a margin below :data:`ROW_WITHIN`, including that of the violation
+    ``met``, which may lie between two ticks.
     """
-    predicted, about = tables.predicted, rollout.target
-    predict_contacts(scene, rollout, tables)
+    predicted, rows = query.predicted, query.rows
+    predict_contacts(scene, rollout, predicted)
     if met.body >= 0:
         arc = rollout.arcs[arc_index(rollout.arcs, 0, met.time)]
         then = frame_at(arc, met.time, scene.settings[0].dt)
         body = scene.bodies[met.body]
         note_contact(scene, met.body, body, met.time, then, predicted)
     fill_slopes(rollout, scene.settings[0].dt)
-    arcs, dt, count = rollout.arcs, scene.settings[0].dt, 0
+    arcs, dt, count = rollout.arcs, scene.settings[0].dt, query.separating
     for i in range(predicted.shape[0]):
         one = predicted[i]
         if one.margin >= ROW_WITHIN:
@@ -332,33 +336,6 @@ violation of them."""
 GROUPS = 3
 """Groups of starts: the desired twist and rest; ahead to either side; back to either
 side. Mirror images are in the same group."""
-
-
-class Query(NamedTuple):
-    """Problem of the look-ahead.
-
-    Attributes:
-        box: Limits of the target.
-        command: v and ω as requested.
-        desired: The command; with look-ahead clipped to the limits.
-        many: Control steps per arc of a ramp, driven with their mean twist.
-        tables: Memory.
-        rows: Memory of the QP; the first ``separating`` rows are filled in.
-        separating: Rows of the present: with look-ahead of static obstacles inside
-            r_min only, without it of all obstacles in reach.
-        slack_tolerance: See :func:`qpavoid.qp.exact.relaxation`.
-        ahead: Whether with look-ahead.
-    """
-
-    box: Box
-    command: Pair
-    desired: Pair
-    many: int
-    tables: Tables
-    rows: Array
-    separating: int
-    slack_tolerance: float
-    ahead: bool
 
 
 class Proposal(NamedTuple):
@@ -414,28 +391,22 @@ def cost_of(scene: Scene, query: Query, twist: Pair) -> float:
 
 
 @compiled_once
-def violation(scene: Scene, rollout: Rollout, first: int) -> Violation:
-    """Return a violation along a rollout; −1 if there is none.
+def violation_by(scene: Scene, rollout: Rollout) -> Violation:
+    """Return the first violation by a constant twist; body −1: none.
 
-    Body ``first`` is checked first, then the others in the order of their rows. Static
-    bodies are checked for ``horizon_still``. Half of ε is left for errors between
-    samples.
+    Static bodies are checked for ``horizon_still``. Half of ε is left for errors
+    between samples.
     """
     s, slack = scene.settings[0], 0.5 * tolerance(scene)
     watch = Watch((s.horizon, 0.0), (s.horizon_still, 0.0))
-    if first >= 0:
-        met = violation_of(scene, rollout, first, watch, slack)
-        if met.body >= 0:
-            return met
-    return first_violated(scene, rollout, watch, slack)
+    return first_violation(scene, rollout, watch, slack)
 
 
 @compiled_once
-def rollout_of(scene: Scene, query: Query, twist: Pair) -> Rollout:
+def rollout_of(scene: Scene, twist: Pair) -> Rollout:
     """Return the rollout of a constant twist, a control step beyond the horizon."""
     s = scene.settings[0]
-    plan = hold(twist[0], twist[1], s.horizon + s.dt)
-    return roll_out(scene, plan, scene.last, 0.0, query.many)
+    return roll_out(scene, hold(twist[0], twist[1], s.horizon + s.dt))
 
 
 class Problem(NamedTuple):
@@ -455,10 +426,8 @@ def qp_of(scene: Scene, query: Query, proposal: Proposal) -> Problem:
     """Fill in the rows of a proposal's QP."""
     count = query.separating
     if proposal.ahead:
-        rollout = rollout_of(scene, query, proposal.about)
-        count += linearised_rows(
-            scene, rollout, proposal.met, query.tables, query.rows[count:]
-        )
+        rollout = rollout_of(scene, proposal.about)
+        count = linearised_rows(scene, query, rollout, proposal.about, proposal.met)
     return with_limits(scene, query, proposal, count)
 
 
@@ -520,13 +489,12 @@ def proposal_near(scene: Scene, query: Query, start: Pair, limit: float) -> Prop
     """
     best = unsolved(within_wheels(scene.robot, start), POINT, True)
     trial = at_cost(best, cost_of(scene, query, best.twist))
-    about, where, halved, count = best, -1, 0, 0
+    about, halved, count = best, 0, 0
     if trial.cost > DEAR * DEAR * limit:
         return best
     for iteration in range(ITERATIONS):
-        rollout = rollout_of(scene, query, trial.twist)
-        met, trust = violation(scene, rollout, where), WHOLE
-        where = met.body
+        rollout = rollout_of(scene, trial.twist)
+        met, trust = violation_by(scene, rollout), WHOLE
         if met.body < 0:
             halved, gains = 0, trial.cost <= GAIN * best.cost
             if trial.cost < best.cost:
@@ -542,9 +510,7 @@ def proposal_near(scene: Scene, query: Query, start: Pair, limit: float) -> Prop
             break
         if halved == 0:
             about = Proposal(trial.twist, trial.cost, trial.twist, met, WHOLE, True)
-            count = query.separating + linearised_rows(
-                scene, rollout, met, query.tables, query.rows[query.separating :]
-            )
+            count = linearised_rows(scene, query, rollout, trial.twist, met)
         qp = Proposal(about.twist, about.cost, about.twist, about.met, trust, True)
         found = solved(scene, query, qp, count)
         d_v, d_omega = found.twist[0] - trial.twist[0], found.twist[1] - trial.twist[1]

@@ -20,12 +20,12 @@ from typing import NamedTuple
 
 from qpavoid.avoidance.bodies import Scene, any_moves, moves, threshold, with_bodies
 from qpavoid.avoidance.margin import (
-    UNWATCHED,
+    RESOLUTION,
+    Violation,
     Watch,
-    first_violated,
-    margin_at,
-    next_body,
+    sampled_least,
     too_near,
+    violation,
 )
 from qpavoid.avoidance.plan import (
     AS_COMMANDED,
@@ -34,7 +34,6 @@ from qpavoid.avoidance.plan import (
     PROPOSED,
     SEARCHED,
     Plan,
-    Rollout,
     hold,
     plan_of,
     roll_out,
@@ -51,7 +50,7 @@ from qpavoid.avoidance.proposals import (
     solved,
     twist_cost,
     unsolved,
-    violation,
+    violation_by,
 )
 from qpavoid.avoidance.verdict import (
     BRAKING_PLAN,
@@ -63,7 +62,6 @@ from qpavoid.avoidance.verdict import (
     is_inexact,
     margins,
     may_move,
-    moving_margin,
     verdict,
 )
 from qpavoid.compiled import compiled, compiled_once
@@ -75,17 +73,12 @@ SWITCHES = (1.1, 0.5, 0.2, 0.1)
 PLENTY = 0.01
 """m; margin from which on the cheapest plan is taken."""
 
-ALIKE = 1e-3
-"""m; resolution of the margin: of plans that are equal in it the cheaper is taken."""
-
 BETTER = 3e-3
 """m; hysteresis of the margin for a change of the plan."""
 
-THIRDS = 3
-"""Control steps over which the search is spread after it has been done in full."""
 
-NO_ROOM = -1e9
-"""m; margin of a rejected plan: it violates a static body, or cannot be the best."""
+NONE_MET = Violation(-1, 0.0)
+"""No violation."""
 
 
 class Found(NamedTuple):
@@ -93,17 +86,16 @@ class Found(NamedTuple):
 
     Attributes:
         plan: The plan; its first twist is the target.
-        margin: Least margin of moving bodies, m, ≤ :data:`PLENTY`; or :data:`NO_ROOM`.
+        margin: Least margin of moving bodies, m, ≤ :data:`PLENTY`; ``−inf``: rejected,
+            since it violates a static body, or cannot be the best.
         cost: Of its first twist, and a tenth of that of its second, (m/s)².
-        body: Violated body, checked first for the next plan; −1: none.
-        time: Of the violation, s.
+        met: Violation by the plan scored last, checked first for the next.
     """
 
     plan: Plan
     margin: float
     cost: float
-    body: int
-    time: float
+    met: Violation
 
 
 @compiled
@@ -120,124 +112,60 @@ def searched_twist(box: Box, i: int) -> Pair:
     return v, box.omega_min + 0.25 * ((i - 9) % 5) * width
 
 
-@compiled
-def quantised(margin: float) -> float:
-    """Return the margin in units of :data:`ALIKE`, at most :data:`PLENTY`, m."""
-    # Quantised: a margin larger by less than a millimetre is worth no higher cost.
-    return ALIKE * math.floor(min(margin, PLENTY) / ALIKE)
-
-
 @compiled_once
-def is_better(one: Found, other: Found) -> bool:
-    """Return whether a plan is better: by quantised margin, then cost, then margin.
+def better_plan(scene: Scene, query: Query, plan: Plan, best: Found) -> Found:
+    """Return the score of a plan if it is better than the best so far, else that.
 
-    A total order, independent of the order of the search.
-    """
-    if quantised(one.margin) != quantised(other.margin):
-        return one.margin > other.margin
-    if one.cost != other.cost:
-        return one.cost < other.cost
-    return one.margin > other.margin
-
-
-@compiled
-def level_of(scene: Scene, i: int, level: float) -> float:
-    """Return the threshold of a body's margin for a plan, m."""
-    return level if moves(scene, i) else threshold(scene)
-
-
-@compiled_once
-def time_until_near(scene: Scene, rollout: Rollout, level: float, end: float) -> float:
-    """Return the time of the first margin below a threshold, s; at most ``end``."""
-    watch = Watch((end, level), (end, threshold(scene)))
-    i = next_body(scene, rollout, 0, watch)
-    while i < scene.bodies.shape[0]:
-        _, end = too_near(
-            scene, rollout, i, (0.0, end), level_of(scene, i, level), ALIKE
-        )
-        i = next_body(scene, rollout, i + 1, watch)
-    return end
-
-
-@compiled_once
-def scored(scene: Scene, query: Query, plan: Plan, best: Found, last: Found) -> Found:
-    """Return the score of a plan, as far as it can be better than the best so far.
-
-    Args:
-        scene: Of the step.
-        query: Desired twist.
-        plan: To be scored.
-        best: Best so far.
-        last: Scored before; its violation is checked first.
+    By margin, then by cost: a margin larger by less than :data:`RESOLUTION` is worth no
+    higher cost.
     """
     then = twist_cost(scene, (plan.v_then, plan.omega_then), query.desired)
     cost = twist_cost(scene, (plan.v, plan.omega), query.desired) + 0.1 * then
-    body, time = last.body, last.time
-    failed = Found(plan, NO_ROOM, cost, body, time)
-    dearer = cost > best.cost
-    if dearer and best.margin >= PLENTY:
-        return failed
-    # A dearer plan needs a larger margin.
-    level = quantised(best.margin) + (ALIKE if dearer else 0.0)
-    rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
-    # The last violation recurs for most of the next plans: one check rejects them.
-    if body >= 0 and margin_at(scene, rollout, body, time) < level_of(
-        scene, body, level
-    ):
-        return failed
-    moving, still = (scene.settings[0].horizon, level), (rollout.rest, threshold(scene))
-    met = first_violated(scene, rollout, Watch(moving, UNWATCHED), ALIKE)
-    if met.body < 0:
-        met = first_violated(scene, rollout, Watch(UNWATCHED, still), ALIKE)
+    level = best.margin + (RESOLUTION if cost >= best.cost else 0.0)
+    if level > PLENTY + 0.5 * RESOLUTION:
+        return best
+    rollout = roll_out(scene, plan)
+    still = (rollout.rest, threshold(scene))
+    watch = Watch((scene.settings[0].horizon, level), still)
+    # The last violation recurs in most of the next plans: one sample rejects them.
+    (body, time), lowest = best.met, level
+    if body >= 0:
+        lowest = level if moves(scene, body) else threshold(scene)
+    if body >= 0 and too_near(scene, rollout, body, (time, time), lowest, 0.0)[0]:
+        return best
+    met = violation(scene, rollout, watch, 0.5 * RESOLUTION)
     if met.body >= 0:
-        return Found(plan, NO_ROOM, cost, met.body, met.time)
-    return Found(plan, moving_margin(scene, rollout, PLENTY), cost, body, time)
+        return Found(best.plan, best.margin, best.cost, met)
+    return Found(plan, sampled_least(scene, rollout, True, PLENTY), cost, best.met)
 
 
 @compiled_once
-def best_plan(scene: Scene, query: Query, last_plan: Plan, third: int) -> Found:
+def best_plan(scene: Scene, query: Query, last_plan: Plan) -> Found:
     """Return the plan of two extreme twists with the largest margin.
 
-    The last plan is retained unless another one is better by :data:`BETTER`. ``third``
-    0: all first twists are searched, else a third of them; all
-    constant twists in any case.
+    The last plan is retained unless another one is better by :data:`BETTER`.
     """
-    box, s, anew = query.box, scene.settings[0], False
+    s, box = scene.settings[0], query.box
     end = whole_steps(s.horizon, s.dt)
-    nothing = Found(last_plan, 2.0 * NO_ROOM, math.inf, -1, 0.0)
-    first = scored(scene, query, last_plan, nothing, nothing)
+    nothing = Found(last_plan, -math.inf, math.inf, NONE_MET)
+    last = better_plan(scene, query, last_plan, nothing)
     # Hysteresis: another plan has to be better by BETTER.
-    best, last = Found(last_plan, first.margin + BETTER, first.cost, -1, 0.0), first
+    best = Found(last_plan, last.margin + BETTER, last.cost, last.met)
     for i in range(9 + 25):
-        twist = searched_twist(box, i)
-        plan = hold(twist[0], twist[1], end)
-        last = scored(scene, query, plan, best, last)
-        if is_better(last, best):
-            best, anew = last, True
+        v, omega = searched_twist(box, i)
+        best = better_plan(scene, query, hold(v, omega, end), best)
     for i in range(9):
-        if third > 0 and i // 3 != third - 1:
-            continue
-        twist = searched_twist(box, i)
-        plan = hold(twist[0], twist[1], end)
-        rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
-        level = quantised(best.margin)
-        # A switch after the violation is too late for any second twist.
-        latest, before = time_until_near(scene, rollout, level, s.horizon), 0.0
+        v, omega = searched_twist(box, i)
+        best = Found(best.plan, best.margin, best.cost, NONE_MET)
         for time in SWITCHES:
             switch = whole_steps(time, s.dt)
-            if switch > latest or switch == before:
-                continue
-            before = switch
             for j in range(9):
                 then = searched_twist(box, j)
-                # A constant twist, scored above.
-                if j == i:
-                    continue
-                plan = Plan(twist[0], twist[1], switch, then[0], then[1], end)
-                last = scored(scene, query, plan, best, last)
-                if is_better(last, best):
-                    best, anew = last, True
-    return best if anew else first
+                plan = Plan(v, omega, switch, then[0], then[1], end)
+                # A switch after the violation is too late for any second twist.
+                if i != j and not (0 <= best.met.body and best.met.time <= switch):
+                    best = better_plan(scene, query, plan, best)
+    return best
 
 
 TRUST = (math.inf, 0.5, 0.25)
@@ -270,7 +198,7 @@ def select(scene: Scene, query: Query, kept: Row) -> Choice:
     """Return the plan driven, with look-ahead."""
     none, horizon = unsolved(query.desired, WHOLE, False), scene.settings[0].horizon
     command = solved(scene, query, none, query.separating)
-    body = violation(scene, rollout_of(scene, query, command.twist), -1).body
+    body = violation_by(scene, rollout_of(scene, command.twist)).body
     if body < 0:
         plan = clear_plan(scene, command.twist)
         if plan.end > 0.0:
@@ -295,7 +223,7 @@ def clear_choice(
     scene: Scene, plan: Plan, mode: int, until: float, proposal: Proposal, owner: int
 ) -> Choice:
     """Return the choice of a clear plan; its margins are not computed."""
-    clear = PlanMargins(threshold(scene), 0.0)
+    clear = PlanMargins(threshold(scene), threshold(scene))
     return Choice(plan, mode, until, clear, proposal, owner)
 
 
@@ -343,7 +271,7 @@ def fallback(scene: Scene, query: Query, kept: Row, owner: int) -> Choice:
     if clear and not touched:
         return choice
     other = widest(nearer, query, kept, owner)
-    if clear and other.margins.moving <= moving + ALIKE:
+    if clear and other.margins.moving <= moving + RESOLUTION:
         return choice
     plan, mode, until, _, none, _ = other
     return Choice(plan, mode, until, margins(scene, plan), none, owner)
@@ -353,7 +281,7 @@ def fallback(scene: Scene, query: Query, kept: Row, owner: int) -> Choice:
 def at_min_clearance(scene: Scene, query: Query) -> Scene:
     """Return the scene with the minimum clearance instead of r_min of static bodies."""
     bodies, least = scene.bodies, scene.settings[0].min_clearance
-    count, closer = bodies.shape[0], query.tables.closer
+    count, closer = bodies.shape[0], query.closer
     for i in range(count):
         closer[i] = bodies[i]
         one = closer[i]
@@ -376,8 +304,8 @@ def widest(scene: Scene, query: Query, kept: Row, owner: int) -> Choice:
     else:
         plan = hold(0.0, 0.0, whole_steps(horizon, scene.settings[0].dt))
     if any_moves(scene):
-        found = best_plan(scene, query, plan, kept.third)
-        if found.margin > 0.5 * NO_ROOM:
+        found = best_plan(scene, query, plan)
+        if found.margin > -math.inf:
             least = margins(scene, found.plan)
             other = Choice(found.plan, SEARCHED, horizon, least, none, owner)
             choice = better_of(scene, choice, other)
@@ -396,8 +324,8 @@ def better_of(scene: Scene, choice: Choice, other: Choice) -> Choice:
         return choice
     better = least.static > choice.margins.static
     better = better or least.moving >= threshold(scene)
-    # ALIKE: else rounding would make it switch back and forth.
-    better = better or least.moving > choice.margins.moving + ALIKE
+    # RESOLUTION: else rounding would make it switch back and forth.
+    better = better or least.moving > choice.margins.moving + RESOLUTION
     return other if better and may_move(scene, twist, least.moving) else choice
 
 

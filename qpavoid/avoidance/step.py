@@ -46,8 +46,6 @@ from qpavoid.avoidance.plan import (
     BRAKED,
     KEPT,
     PENDING,
-    PROPOSED,
-    SEARCHED,
     FilterStateWritten,
     frame_of_effect,
     hold,
@@ -56,21 +54,18 @@ from qpavoid.avoidance.plan import (
     pending_sums,
 )
 from qpavoid.avoidance.proposals import (
-    FRAME,
-    FRAME_SIZE,
     PREDICTED,
     PREDICTED_SIZE,
     SEPARATION,
     Problem,
     Query,
-    Tables,
     most_predicted,
     qp_of,
     row_violation,
     snapped,
     solution,
 )
-from qpavoid.avoidance.selection import THIRDS, Choice, fallback, select, select_now
+from qpavoid.avoidance.selection import Choice, fallback, select, select_now
 from qpavoid.avoidance.settings import MOST_PENDING, FilterSettings
 from qpavoid.avoidance.verdict import first_twist, verdict
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
@@ -122,9 +117,10 @@ class Workspace(NamedTuple):
         bodies: In reach.
         groups: Of bodies.
         arcs: Of a rollout.
-        tables: Of the look-ahead.
+        predicted: Predicted contacts.
         points: In the robot frame when the twist takes effect.
         capsules: In that frame, with joined walls.
+        closer: Bodies of :func:`qpavoid.avoidance.selection.at_min_clearance`.
         problem: See :func:`qpavoid.avoidance.step.set_problem`.
     """
 
@@ -133,9 +129,10 @@ class Workspace(NamedTuple):
     bodies: Table
     groups: Table
     arcs: Table
-    tables: Tables
+    predicted: Table
     points: Array
     capsules: Array
+    closer: Table
     problem: Array
 
 
@@ -176,7 +173,6 @@ def memory_size(contacts: int, settings: FilterSettings) -> int:
     rows = many + predicted + 8
     tables = (2.0 * many + contacts // FEW) * BODY_SIZE
     tables += most_arcs(settings) * ARC_SIZE + predicted * PREDICTED_SIZE
-    tables += (look_ticks(settings) + 1) * FRAME_SIZE
     each = CONTACT_SIZE + 2 + CAPSULE_WIDTH
     return int(many * each + rows * ROW_WIDTH + tables + PROBLEM_SIZE)
 
@@ -195,19 +191,17 @@ def workspace_in(
     g = f + predicted * PREDICTED_SIZE
     h = g + 2 * contacts
     i = h + CAPSULE_WIDTH * contacts
-    j = i + contacts * BODY_SIZE
-    end = j + (look_ticks(settings) + 1) * FRAME_SIZE
-    frames, closer = memory[j:end].view(FRAME), memory[i:j].view(BODY)
-    tables = Tables(memory[f:g].view(PREDICTED), frames, closer)
+    end = i + contacts * BODY_SIZE
     return Workspace(
         memory[:a],
         memory[a:b].reshape(contacts + predicted + 8, ROW_WIDTH),
         memory[b:d].view(BODY),
         memory[d:e].view(BODY),
         memory[e:f].view(ARC),
-        tables,
+        memory[f:g].view(PREDICTED),
         memory[g:h].reshape(contacts, 2),
         memory[h:i].reshape(contacts, CAPSULE_WIDTH),
+        memory[i:end].view(BODY),
         memory[end : end + PROBLEM_SIZE],
     )
 
@@ -354,9 +348,9 @@ def query_of(
     for i in range(m if ahead else 0):
         for column in range(A_V, B + 1):
             rows[i, column] *= SEPARATION
-    many, slack = max(1, round(s.tick / s.dt)), s.slack_tolerance
     desired = clipped(command, box) if ahead else command
-    return Query(box, command, desired, many, space.tables, rows, m, slack, ahead)
+    predicted, closer, slack = space.predicted, space.closer, s.slack_tolerance
+    return Query(box, command, desired, predicted, closer, rows, m, slack, ahead)
 
 
 @compiled_once
@@ -400,10 +394,6 @@ def finished(
     if least.static < level:
         margin = min(margin, least.static)
     kept.mode = choice.mode
-    if choice.mode == PROPOSED:
-        kept.third = 0
-    elif choice.mode == SEARCHED or choice.mode == BRAKED:
-        kept.third = kept.third % THIRDS + 1
     keep_plan(state, twist, choice.plan, choice.until, s.dt)
     shortfall = -margin if margin < level else 0.0
     # fmt: off

@@ -54,7 +54,6 @@ import math
 from typing import NamedTuple
 
 from qpavoid.avoidance.bodies import (
-    REPLAY_ROUNDING,
     Scene,
     moves,
     threshold,
@@ -62,13 +61,13 @@ from qpavoid.avoidance.bodies import (
     with_bodies,
 )
 from qpavoid.avoidance.margin import (
-    UNWATCHED,
     Watch,
-    keeps_all,
+    keeps,
     least_margin,
     too_near,
+    violation,
 )
-from qpavoid.avoidance.plan import Plan, Rollout, hold, roll_out, whole_steps
+from qpavoid.avoidance.plan import Plan, hold, roll_out, whole_steps
 from qpavoid.avoidance.settings import least_radius
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.robot import braking_steps, braking_twist, limit_twist, limits_of
@@ -96,16 +95,17 @@ def verdict(scene: Scene, plan: Plan, until: float) -> bool:
     twist, level = first_twist(scene, plan), threshold(scene)
     if not (is_clear_actuated(scene, twist) and may_move(scene, twist, 0.0)):
         return False
-    rollout = exact_rollout(scene, plan)
-    return keeps_all(scene, rollout, Watch((until, level), (rollout.rest, level)))
+    rollout = roll_out(scene, plan)
+    watch = Watch((until, level), (rollout.rest, level))
+    return violation(scene, rollout, watch, 0.0).body < 0
 
 
 class PlanMargins(NamedTuple):
-    """Least margins of a plan, m.
+    """Least margins of a plan, m: −ε, or less.
 
     Attributes:
-        static: Of static bodies until the robot stands; −ε if it is not less.
-        moving: Of moving bodies up to the horizon; 0 if it is not less.
+        static: Of static bodies until the robot stands.
+        moving: Of moving bodies up to the horizon.
     """
 
     static: float
@@ -115,40 +115,9 @@ class PlanMargins(NamedTuple):
 @compiled_once
 def margins(scene: Scene, plan: Plan) -> PlanMargins:
     """Return the least margins of a plan."""
-    rollout, level = exact_rollout(scene, plan), threshold(scene)
-    static, span = level, (0.0, rollout.rest)
-    if not keeps_all(scene, rollout, Watch(UNWATCHED, (rollout.rest, level))):
-        # The samples of the least margin may miss the violation.
-        static -= REPLAY_ROUNDING
-        for i in range(scene.bodies.shape[0]):
-            if not moves(scene, i):
-                static, _ = least_margin(scene, rollout, i, span, static)
-    moving = moving_margin(scene, rollout, 0.0)
-    if moving >= level:
-        moving = min(moving, kept_level(scene, rollout, level))
-    return PlanMargins(static, moving)
-
-
-@compiled_once
-def kept_level(scene: Scene, rollout: Rollout, level: float) -> float:
-    """Return 0, or a threshold below ``level`` that all moving bodies keep.
-
-    The samples of the least margin may miss a violation of ``level`` by a fast body.
-    """
-    end, kept, step = scene.settings[0].horizon, level, REPLAY_ROUNDING
-    while step < 1.0 and not keeps_all(scene, rollout, Watch((end, kept), UNWATCHED)):
-        kept, step = kept - step, 2.0 * step
-    return 0.0 if kept == level else kept
-
-
-@compiled_once
-def moving_margin(scene: Scene, rollout: Rollout, enough: float) -> float:
-    """Return the least margin of moving bodies up to the horizon, m, ≤ ``enough``."""
-    least, span = enough, (0.0, scene.settings[0].horizon)
-    for i in range(scene.bodies.shape[0]):
-        if moves(scene, i):
-            least, _ = least_margin(scene, rollout, i, span, least)
-    return least
+    rollout, level = roll_out(scene, plan), threshold(scene)
+    static = least_margin(scene, rollout, False, level)
+    return PlanMargins(static, least_margin(scene, rollout, True, level))
 
 
 @compiled_once
@@ -166,12 +135,6 @@ def first_twist(scene: Scene, plan: Plan) -> Pair:
     if plan.end < 0.5 * s.dt:
         return braking_twist(scene.robot, scene.last[0], scene.last[1], s.dt)
     return limit_twist(scene.robot, first_target(scene, plan), scene.last, s.dt)
-
-
-@compiled_once
-def exact_rollout(scene: Scene, plan: Plan) -> Rollout:
-    """Return the exact rollout of a plan."""
-    return roll_out(scene, plan, first_twist(scene, plan), scene.settings[0].dt, 1)
 
 
 @compiled_once
@@ -239,9 +202,9 @@ def is_clear_actuated(scene: Scene, twist: Pair) -> bool:
     reach = limits_of(scene.robot).circumradius + way_to_rest(scene, twist)
     # Each pending step may last longer than predicted.
     off = (scene.longest - s.dt) * (far + turned * reach)
-    rollout, level = exact_rollout(braced, hold(twist[0], twist[1], s.dt)), off
+    rollout, level = roll_out(braced, hold(twist[0], twist[1], s.dt)), off
     level += threshold(scene)
-    return keeps_all(braced, rollout, Watch(UNWATCHED, (rollout.rest, level)))
+    return keeps(braced, rollout, False, level)
 
 
 @compiled_once
@@ -264,7 +227,7 @@ def leaves_contacts(scene: Scene, twist: Pair) -> bool:
     if twist == (0.0, 0.0):
         return True
     s = scene.settings[0]
-    rollout = exact_rollout(scene, hold(twist[0], twist[1], s.dt))
+    rollout = roll_out(scene, hold(twist[0], twist[1], s.dt))
     for i in range(scene.bodies.shape[0]):
         body = scene.bodies[i]
         touched = body.required - tolerance(scene) < body.beyond_r_min
@@ -284,7 +247,7 @@ def rests_in_time(scene: Scene, twist: Pair) -> bool:
 
     Passive safety [Bouraine2012]: the setting ``passive``.
     """
-    rollout = exact_rollout(scene, hold(twist[0], twist[1], scene.settings[0].dt))
+    rollout = roll_out(scene, hold(twist[0], twist[1], scene.settings[0].dt))
     for i in range(scene.bodies.shape[0]):
         if moves(scene, i) and rollout.rest > 0.0:
             body = scene.bodies[i]

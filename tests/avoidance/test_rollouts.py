@@ -10,10 +10,11 @@ from driven import driven_to, gap_at
 from qpavoid.avoidance import proposals as lin
 from qpavoid.avoidance.bodies import BODY
 from qpavoid.avoidance.plan import hold
-from qpavoid.avoidance.proposals import Tables, fill_slopes, slopes_at
+from qpavoid.avoidance.proposals import Query, fill_slopes, slopes_at
 from qpavoid.avoidance.step import look_ticks
 from qpavoid.model.obstacles import Obstacles
 from rollouts import (
+    BOX,
     HORIZON,
     SETTINGS,
     every_robot,
@@ -30,7 +31,7 @@ from rollouts import (
     turns,
 )
 
-DT, NOTHING = SETTINGS.dt, Obstacles()
+DT, NOTHING, REST = SETTINGS.dt, Obstacles(), (0.0, 0.0, 0.0)
 
 
 def close(one, other, within):
@@ -41,17 +42,15 @@ def close(one, other, within):
 
 
 @every_robot
-@pytest.mark.parametrize("held", [False, True], ids=["from last", "from next"])
 @given(seeds)
-def test_the_way_is_that_of_the_steps(robot, held, seed):
+def test_the_way_is_that_of_the_steps(robot, seed):
     """At the start of every step and within it, until it stands."""
     rng = np.random.default_rng(seed)
     limits, plan = robot.limits, some_plan(rng)
     low, high = (limits.v_min, limits.omega_min), (limits.v_max, limits.omega_max)
-    now = tuple(0.5 * rng.uniform(low, high))
-    scene = scene_of(robot, NOTHING, now)
-    rollout = rolled(scene, plan, now, DT if held else 0.0, 1)
-    trace = steps_of(robot, plan, now, DT, held, HORIZON + 1.5)
+    last = tuple(0.5 * rng.uniform(low, high))
+    rollout = rolled(scene_of(robot, NOTHING, last), plan)
+    trace = steps_of(robot, plan, last, DT, HORIZON + 1.5)
     assert (trace[-1, 3:] == 0.0).all()
     share = rng.uniform()
     for k, row in enumerate(trace):
@@ -70,15 +69,13 @@ def test_the_way_is_that_of_the_steps(robot, held, seed):
 def test_the_rest_of_a_plan_is_the_same_way(robot, seed):
     """Premise of the theorems: a plan's remainder, a step later, is its motion."""
     rng = np.random.default_rng(seed)
-    plan, twist = some_plan(rng), (0.1, -0.2)
-    scene = scene_of(robot, NOTHING)
-    trace = steps_of(robot, plan, twist, DT, True, HORIZON + 1.5)
+    plan, last = some_plan(rng), (0.1, -0.2)
+    trace = steps_of(robot, plan, last, DT, HORIZON + 1.5)
     for k in (1, 2, int(rng.integers(3, 140))):
         moved = plan._replace(
             switch=max(plan.switch - k * DT, 0.0), end=max(plan.end - k * DT, 0.0)
         )
-        now = tuple(trace[k, 3:])
-        rollout = rolled(scene, moved, now, DT, 1)
+        rollout = rolled(scene_of(robot, NOTHING, trace[k - 1, 3:]), moved)
         for j in range(k, len(trace), 7):
             x, y, heading = frame_of(rollout, (j - k) * DT)
             at = trace[k, :3]
@@ -88,15 +85,14 @@ def test_the_rest_of_a_plan_is_the_same_way(robot, seed):
 
 
 @robots
-@pytest.mark.parametrize("many", [1, 3])
 @given(speeds, turns, speeds, turns)
-def test_slopes_are_those_of_finite_differences(robot, many, v, omega, last_v, last_w):
+def test_slopes_are_those_of_finite_differences(robot, v, omega, last_v, last_w):
     scene = scene_of(robot, NOTHING, (last_v, last_w))
     plan = hold(v, omega, HORIZON + DT)
 
     def driven(d_v, d_omega):
         changed = hold(v + d_v, omega + d_omega, plan.end)
-        return rolled(scene, changed, scene.last, 0.0, many)
+        return rolled(scene, changed)
 
     rollout, h = driven(0.0, 0.0), 1e-6
     fill_slopes(rollout, DT)
@@ -116,19 +112,18 @@ def test_slopes_are_those_of_finite_differences(robot, many, v, omega, last_v, l
 
 
 NOBODY_MET = lin.Violation(-1, 0.0)
-MANY = max(1, round(SETTINGS.ahead.tick / SETTINGS.dt))
 
 
-def tables():
-    ticks = look_ticks(SETTINGS.record())
-    sides = lin.most_predicted(ticks)
-    frames, none = np.zeros(ticks + 1, lin.FRAME), np.zeros(0, BODY)
-    tables = Tables(np.zeros(sides, lin.PREDICTED), frames, none)
-    return tables, np.full((sides + 8, 9), np.nan)
+def query():
+    sides = lin.most_predicted(look_ticks(SETTINGS.record()))
+    made, rows = np.zeros(sides, lin.PREDICTED), np.full((sides + 8, 9), np.nan)
+    return Query(
+        BOX, REST[:2], REST[:2], made, made[:0].view(BODY), rows, 0, 1e-3, True
+    )
 
 
-def rollout_of(scene, twist, many=MANY):
-    return rolled(scene, hold(*twist, HORIZON + DT), scene.last, 0.0, many)
+def rollout_of(scene, twist):
+    return rolled(scene, hold(*twist, HORIZON + DT))
 
 
 def room(scene, rollout, body, time, corners):
@@ -146,10 +141,10 @@ def test_rows_are_the_gradients_of_the_true_rooms(robot, seed, v, omega):
     """Of one body each, at one time; rows say how much room is left there."""
     rng, corners, h = np.random.default_rng(seed), robot.footprint.vertices, 1e-6
     scene = scene_of(robot, mixed(rng), rng.uniform([-0.5, -1], [0.5, 1]))
-    (made, rows), about = tables(), (v, omega)
-    rollout = rollout_of(scene, about)
-    count = lin.linearised_rows(scene, rollout, NOBODY_MET, made, rows)
-    used = [side for side in made.predicted if side.margin < lin.ROW_WITHIN]
+    asked, about = query(), (v, omega)
+    rollout, rows = rollout_of(scene, about), asked.rows
+    count = lin.linearised_rows(scene, asked, rollout, about, NOBODY_MET)
+    used = [side for side in asked.predicted if side.margin < lin.ROW_WITHIN]
     assert count == len(used)
     around = [(v - h, omega), (v + h, omega), (v, omega - h), (v, omega + h)]
     shifted = [rollout_of(scene, twist) for twist in around]

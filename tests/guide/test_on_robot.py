@@ -163,18 +163,22 @@ def test_a_detour_of_a_minute_is_not_blocked():
 
 
 def test_kept_from_its_goal_by_people_it_is_blocked():
-    """Regression: the time without progress began anew: 23 % were blocked, now 87 %."""
+    """For most of the time, from 35 s on; 23 % if that without progress restarts."""
+    shares = []
+    for phase in (0.0, 0.3, 0.6, 0.9):
 
-    def circling(time):
-        ways = np.exp(1j * (time / 2.4 + np.arange(5) * math.tau / 5))
-        discs = [(4.0 + 1.2 * z.real, 1.2 * z.imag, 0.3) for z in ways]
-        speeds = [(-0.5 * z.imag, 0.5 * z.real) for z in ways]
-        return qp.Obstacles(discs=discs, disc_velocities=speeds)
+        def circling(time, phase=phase):
+            ways = np.exp(1j * (time / 2.4 + phase + np.arange(5) * math.tau / 5))
+            discs = [(4.0 + 1.2 * z.real, 1.2 * z.imag, 0.3) for z in ways]
+            speeds = [(-0.5 * z.imag, 0.5 * z.real) for z in ways]
+            return qp.Obstacles(discs=discs, disc_velocities=speeds)
 
-    guide = qp.Guide(cart(), qp.AvoidanceSettings(dt=0.1))
-    guide.go_to(HOME, GOAL, 0.6)
-    said = [r.blocked for r in loop(guide, 40.0, circling)]
-    assert said.index(True) < 200 and np.mean(said[said.index(True) :]) > 0.8
+        guide = qp.Guide(cart(), qp.AvoidanceSettings(dt=0.1))
+        guide.go_to(HOME, GOAL, 0.6)
+        said = [r.blocked for r in loop(guide, 40.0, circling)]
+        assert said.index(True) < 350
+        shares.append(np.mean(said[said.index(True) :]))
+    assert np.mean(shares) > 0.5
 
 
 AREA = [(-0.6, -0.4), (0.8, -0.4), (0.8, 0.2), (0.1, 0.2), (0.1, 0.7), (-0.6, 0.7)]

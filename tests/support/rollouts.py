@@ -56,14 +56,14 @@ def scene_of(robot, world, last=(0.0, 0.0), settings=SETTINGS, age=0.0, horizon=
     return scene._replace(bodies=bodies[:count])
 
 
-def rolled(scene, plan, now, held, many):
+def rolled(scene, plan):
     """Result of ``roll_out``, in memory of its own.
 
     A compiled function that takes no part in counting references hands Python the whole
     array in place of a slice.
     """
     scene.arcs["begin"] = np.nan
-    made = pre.roll_out(scene, plan, now, held, many)
+    made = pre.roll_out(scene, plan)
     count = np.isfinite(scene.arcs["begin"]).sum()
     return made._replace(arcs=scene.arcs[:count].copy())
 
@@ -95,26 +95,24 @@ def some_plan(rng, box=BOX, end=HORIZON):
     return pre.Plan(*twists[0], ends[0], *twists[1], max(ends[1], dt))
 
 
-def steps_of(robot, plan, now, dt, held, seconds):
+def steps_of(robot, plan, last, dt, seconds):
     """The trace (steps, 5) of a plan, one control step after the other.
 
-    ``held``: whether ``now`` is driven in the first step, or was in the last one.
-    Where a part of the plan ends, the next begins; a control step before its end it
-    brakes.
+    ``last`` is the twist driven before. Where a part of the plan ends, the next begins;
+    after the last control step before its end it brakes.
     """
-    numbers, pose, twist, braking = robot.limit_vector, (0.0, 0.0, 0.0), now, False
+    numbers, pose, twist, braking = robot.limit_vector, (0.0, 0.0, 0.0), last, False
     trace = []
     for k in range(round(seconds / dt)):
         time, wanted = k * dt, (plan.v_then, plan.omega_then)
         if time < plan.switch - 1e-9:
             wanted = plan.v, plan.omega
-        if k > 0 and time > plan.end - 0.5 * dt:
+        if time > plan.end - 0.5 * dt:
             braking = True
-        if k > 0 or not held:
-            if braking:
-                twist = braking_twist(numbers, *twist, dt)
-            else:
-                twist = limit_twist(numbers, wanted, twist, dt)
+        if braking:
+            twist = braking_twist(numbers, *twist, dt)
+        else:
+            twist = limit_twist(numbers, wanted, twist, dt)
         trace.append((*pose, *twist))
         pose = driven_to(pose, *twist, dt)
     return np.array(trace)
