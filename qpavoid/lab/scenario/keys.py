@@ -7,7 +7,6 @@ Keys, ranges and defaults are those that the settings' dataclass declares; see
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from inspect import cleandoc
 from types import NoneType, UnionType
 from typing import (
@@ -15,7 +14,6 @@ from typing import (
     Any,
     ClassVar,
     Literal,
-    TypeAlias,
     TypeVar,
     Union,
     get_args,
@@ -26,13 +24,11 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
-    GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     create_model,
 )
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
-from pydantic_core.core_schema import no_info_after_validator_function
 
 from qpavoid.settings import declared
 
@@ -93,6 +89,10 @@ class Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
     describes: ClassVar[type[Any]]
 
+    def make(self, **given: Any) -> Any:
+        """Return the settings that the table describes, as :func:`read` does."""
+        return read(self.describes, self, **given)
+
     @classmethod
     def __get_pydantic_json_schema__(
         cls, core: CoreSchema, handler: GetJsonSchemaHandler
@@ -139,12 +139,9 @@ def model_of(settings: type, base: type[M], **keys: Any) -> type[M]:
     """Return the model of a table of settings, with other keys before theirs."""
     keys |= keys_of(settings)
     name = f"{settings.__name__}Table"
-    return create_model(name, __base__=base, __doc__=settings.__doc__, **keys)
-
-
-def absent(maker: "Maker[T]") -> Any:
-    """Return the default of a table: it is as if this had read it."""
-    return Field(default_factory=lambda: maker)
+    made = create_model(name, __base__=base, __doc__=settings.__doc__, **keys)
+    made.describes = settings
+    return made
 
 
 def keyed(
@@ -168,9 +165,11 @@ def keyed(
             }
         for key in model.model_fields:
             keys.pop(key, None)
-        return create_model(
+        made = create_model(
             model.__name__, __base__=model, __doc__=model.__doc__, **keys
         )
+        made.describes = kind
+        return made
 
     return extend
 
@@ -179,21 +178,19 @@ def tagged(kind: str, settings: type, base: type[M]) -> type[M]:
     """Return the model of a table that is settings with a ``kind``."""
     only: Any = Literal
     told: Any = Annotated[only[kind], Field(description="Kind of table.")]
-    made = model_of(settings, base, kind=(told, ...))
-    made.describes = settings
-    return made
+    return model_of(settings, base, kind=(told, ...))
 
 
 def with_tables(tables: Mapping[str, type]) -> Callable[[type[M]], type[M]]:
     """Return a decorator that adds a table of each of these settings to a model."""
 
     def extend(model: type[M]) -> type[M]:
-        table: Any = Table
-        found: dict[str, Any] = {
-            name: (table[kind], absent(kind)) for name, kind in tables.items()
+        models = {name: model_of(kind, Strict) for name, kind in tables.items()}
+        keys: dict[str, Any] = {
+            name: (one, Field(default_factory=one)) for name, one in models.items()
         }
         return create_model(
-            model.__name__, __base__=model, __doc__=model.__doc__, **found
+            model.__name__, __base__=model, __doc__=model.__doc__, **keys
         )
 
     return extend
@@ -226,34 +223,10 @@ def read(kind: type[T], table: Strict, prefix: str = "", **given: Any) -> T:
     return kind(**values(kind, table, prefix), **fields)
 
 
-class Made:
-    """Of a key: its value makes the settings of its table.
-
-    They are made with all other parts, so that all that is wrong is said at once.
-    """
-
-    def __get_pydantic_core_schema__(
-        self, maker: Any, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        """Return the schema of the table's model, and of what makes the settings."""
-        kind = get_args(maker)[1]
-        make = partial(partial, read, kind)
-        schema = handler.generate_schema(model_of(kind, Strict))
-        return no_info_after_validator_function(make, schema)
-
-
-Maker: TypeAlias = Callable[..., T]
-Table: TypeAlias = Annotated[Maker[T], Made()]
-"""A table that is nothing but the settings T; its value makes them."""
-
-
 def branches(annotation: Any) -> list[Any]:
-    """Return what a value may be: the members of a union; of a table its model."""
+    """Return what a value may be: the members of a union."""
     origin, parts = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
-        made = any(isinstance(part, Made) for part in parts)
-        if made:
-            return [model_of(get_args(parts[0])[1], Strict)]
         return branches(parts[0])
     if origin in (Union, UnionType):
         return [one for p in parts if p is not NoneType for one in branches(p)]

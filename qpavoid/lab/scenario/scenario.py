@@ -171,8 +171,10 @@ def make_scenario(
                 seed = {"seed": model.seed + SEED_STRIDE * len(robots), "robots": []}
                 told = validated(schema.ScenarioModel, document | own | seed, path)
                 one = _single(told, path, data, robots[0].world if robots else None)
-                start = _jittered(one.start, item, rng)
+                off = np.array((item.jitter_m, item.jitter_m, item.jitter_rad))
+                x, y, heading = np.add(one.start, off * rng.uniform(-1, 1, 3)).tolist()
                 controller = item.controller or ""
+                start = x, y, heading
                 robots.append(replace(one, start=start, controller=controller))
         except (ConfigError, InvalidInputError) as error:
             where = f"{path}: robots[{i}]: "
@@ -184,13 +186,6 @@ def make_scenario(
     return replace(robots[0], seed=model.seed, robots=tuple(robots))
 
 
-def _jittered(start: Pose, item: schema.MemberModel, rng: np.random.Generator) -> Pose:
-    x, y, heading = start
-    a, b, c = rng.uniform(-1.0, 1.0, 3).tolist()
-    shift, turn = item.jitter_m, item.jitter_rad
-    return x + shift * a, y + shift * b, heading + turn * c
-
-
 def _single(
     model: schema.ScenarioModel, path: Path, data: Folder, world: World | None = None
 ) -> Scenario:
@@ -200,14 +195,18 @@ def _single(
         ConfigError: Lists every part that is wrong.
         DataError: A data file is missing or damaged.
     """
+    told, plant = model.localisation, model.plant
+    given: dict[str, Any] = {"seed": model.seed}
+    if (track := values(Limits, model.robot).get("track")) is not None:
+        given["track"] = track
     makers: dict[str, tuple[str, Callable[[], Any]]] = {
         "robot": ("robot", lambda: make_robot(model.robot)),
         "settings": ("filter", lambda: make_settings(model)),
-        "guide": ("guide", lambda: model.guide and model.guide()),
-        "lidar": ("lidar", lambda: model.lidar and model.lidar(seed=model.seed)),
-        "perception": ("perception", model.perception),
-        "localisation": ("localisation", lambda: make_localisation(model)),
-        "plant": ("plant", lambda: make_plant(model)),
+        "guide": ("guide", lambda: model.guide and model.guide.make()),
+        "lidar": ("lidar", lambda: model.lidar and model.lidar.make(**given)),
+        "perception": ("perception", model.perception.make),
+        "localisation": ("localisation", lambda: told and told.make(**given)),
+        "plant": ("plant", lambda: plant and plant.make(**given)),
         "waiting": ("tracking.wait_wide_m", lambda: make_waiting(model.tracking)),
         "path": ("reference", lambda: make_reference(model, data)),
         "world": ("obstacles", lambda: world or make_world(model, path.parent, data)),
@@ -223,10 +222,12 @@ def _single(
         problems.append(f"{path}: duration_s: {problem}")
     if problems:
         raise ConfigError(problems)
+    law = model.tracking
+    station = read(StationKeeping, law) if law.station_keeping else None
     return Scenario(
         name="",
         title=model.title,
-        tracker=make_tracker(model.tracking, parts["robot"].limits),
+        tracker=Tracker(read(Gains, law), station, parts["robot"].limits),
         start=_start(model, parts["path"]),
         duration=model.duration_s,
         dt=model.dt_s,
@@ -279,32 +280,6 @@ def make_robot(model: schema.RobotModel) -> Robot:
     return Robot("custom", Footprint.union(polygons), chosen)
 
 
-def make_tracker(model: schema.TrackingModel, limits: Limits) -> Tracker:
-    """Return the tracking law."""
-    station = read(StationKeeping, model) if model.station_keeping else None
-    return Tracker(read(Gains, model), station, limits)
-
-
-def make_localisation(model: schema.ScenarioModel) -> MotionCapture | Uwb | None:
-    """Return how the robot knows where it is, or none: exactly."""
-    told = model.localisation
-    return told and read(told.describes, told, **drawn(model))
-
-
-def make_plant(model: schema.ScenarioModel) -> Plant | Physics | None:
-    """Return what the wheels make of a twist, or none: just that."""
-    told = model.plant
-    if isinstance(told, schema.PhysicsModel):
-        return read(Physics, told, patches=tuple(one() for one in told.patches))
-    return None if told is None else read(Plant, told, **drawn(model))
-
-
-def drawn(model: schema.ScenarioModel) -> dict[str, Any]:
-    """Return the seed, and the robot's distance between its wheels, if it says one."""
-    track = values(Limits, model.robot).get("track")
-    return {"seed": model.seed} | ({} if track is None else {"track": track})
-
-
 def make_waiting(model: schema.TrackingModel) -> Waiting:
     """Return the reference's clock."""
     given = read(Waiting, model, "wait_")
@@ -315,7 +290,7 @@ def make_settings(model: schema.ScenarioModel) -> AvoidanceSettings:
     """Return the settings of all controllers."""
     return AvoidanceSettings(
         dt=model.dt_s,
-        **{name: getattr(model, name)() for name in PARTS},
+        **{name: getattr(model, name).make() for name in PARTS},
         **values(AvoidanceSettings, model.filter),
     )
 

@@ -14,9 +14,8 @@ from qpavoid.lab.scenario.keys import (
     Point,
     Positive,
     Strict,
-    Table,
-    absent,
     keyed,
+    model_of,
     ordered,
     tagged,
     with_tables,
@@ -406,6 +405,9 @@ class SlipModel(OfKind):
     kind: Literal["slip"] = "slip"
 
 
+PatchModel: Any = model_of(Patch, Strict)
+
+
 @keyed(Physics)
 class PhysicsModel(OfKind):
     """Rigid bodies in MuJoCo.
@@ -415,7 +417,11 @@ class PhysicsModel(OfKind):
     """
 
     kind: Literal["mujoco"]
-    patches: list[Table[Patch]] = Field(default_factory=list)
+    patches: list[PatchModel] = Field(default_factory=list)
+
+    def make(self, **given: Any) -> Any:
+        """Return the settings."""
+        return super().make(patches=tuple(one.make() for one in self.patches))
 
 
 def _plant_kind(told: Any) -> str:
@@ -427,6 +433,11 @@ PlantModel = Annotated[
     Annotated[SlipModel, Tag("slip")] | Annotated[PhysicsModel, Tag("mujoco")],
     Discriminator(_plant_kind),
 ]
+
+
+GuideModel: Any = model_of(GuideSettings, Strict)
+LidarModel: Any = model_of(LidarSettings, Strict)
+PerceptionModel: Any = model_of(PerceptionSettings, Strict)
 
 
 @with_tables(PARTS)
@@ -478,10 +489,10 @@ class ScenarioModel(Strict):
     reference: ReferenceModel | None = None
     tracking: TrackingModel = TrackingModel()
     filter: FilterModel = FilterModel()
-    guide: Table[GuideSettings] | None = None
+    guide: GuideModel | None = None
     sight_m: Annotated[float, Field(gt=0)] = float("inf")
-    lidar: Table[LidarSettings] | None = None
-    perception: Table[PerceptionSettings] = absent(PerceptionSettings)
+    lidar: LidarModel | None = None
+    perception: PerceptionModel = Field(default_factory=PerceptionModel)
     localisation: LocalisationModel | None = None
     plant: PlantModel | None = None
     obstacles: list[ObstacleModel] = Field(default_factory=list)

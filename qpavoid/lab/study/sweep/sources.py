@@ -16,7 +16,7 @@ from qpavoid.lab.scenario.config import (
     find_config,
     read_document,
 )
-from qpavoid.lab.scenario.keys import Natural, Place, Strict, read, tagged
+from qpavoid.lab.scenario.keys import Natural, Place, Strict, tagged
 from qpavoid.lab.scenario.plug_ins import load_object
 from qpavoid.lab.scenario.scenario import make_scenario
 from qpavoid.lab.worlds.barn import BarnWorlds
@@ -159,7 +159,7 @@ def _generator(item: Any, path: Path, data: str | None) -> Source:
         forest = item.scene == "forest"
         known = Forest(item.family) if forest else scenario_file("demo/strangers")
         return Sensed(known, item.perception)
-    made: Source = read(item.describes, item, data=data)
+    made: Source = item.make(data=data)
     if isinstance(made, Maps):
         below(Path(made.path), path.parent, *data_roots(data))
     return made
