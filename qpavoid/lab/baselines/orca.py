@@ -1,7 +1,6 @@
 """ORCA: reciprocal velocity obstacles [vandenBerg2011], by the RVO2 library (pyrvo)."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -43,12 +42,6 @@ class Near(NamedTuple):
 
     discs: Array
     still: list[Array]
-
-    @property
-    def restless(self) -> list[int]:
-        """Discs that a step of RVO2 changes: moving ones, and those that walls push."""
-        moves = self.discs[:, 3:].any(axis=1) | bool(self.still)
-        return [int(k) for k in np.flatnonzero(moves)]
 
 
 @dataclass(frozen=True)
@@ -138,7 +131,8 @@ class OrcaController(Baseline):
         velocity = self.velocity(*context.driven)
         for _ in range(self.rounds):
             self.ask(world, near, velocity, wanted)
-            before, velocity = velocity, found_by(world)
+            now = world.get_agent_velocity(0)
+            before, velocity = velocity, (now.x, now.y)
             if velocity == before:  # a fixed point
                 break
         return velocity
@@ -166,7 +160,8 @@ class OrcaController(Baseline):
             sim.add_agent((x, y), 0.0, 0, *horizons, r - r_min, fastest, (v_x, v_y))
         reach = radius + r_min + self.horizon_still * fastest
         for corners in near.still:
-            if least_way(corners - (self.ahead, 0.0)) <= reach:
+            low, high = (f(corners - (self.ahead, 0.0), 0) for f in (np.min, np.max))
+            if np.hypot(*np.maximum(0.0, np.maximum(low, -high))) <= reach:
                 sim.add_obstacle([(x, y) for x, y in corners.tolist()])
         sim.process_obstacles()
         return sim
@@ -176,7 +171,11 @@ class OrcaController(Baseline):
         world.set_agent_max_speed(0, self.fastest(wanted))
         world.set_agent_pref_velocity(0, wanted)
         agents = {0: [self.ahead, 0.0, 0.0, *velocity]}
-        agents |= {k + 1: near.discs[k].tolist() for k in near.restless}
+        # What a step of RVO2 changes: moving discs, and those that walls push.
+        moves = np.flatnonzero(near.discs[:, 3:].any(axis=1) | bool(near.still))
+        agents |= {
+            k + 1: near.discs[k].tolist() for k in np.flatnonzero(moves).tolist()
+        }
         for i, (x, y, _, v_x, v_y) in agents.items():
             world.set_agent_position(i, (x, y))
             world.set_agent_velocity(i, (v_x, v_y))
@@ -208,32 +207,16 @@ def by_motion(obstacles: Obstacles) -> tuple[list[Array], Obstacles]:
     return corners, still.chosen(still.is_disc).joined(moving)
 
 
-def least_way(corners: Array) -> float:
-    """Return the distance (m) of the box about corners (n, 2) from the origin."""
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    return float(np.hypot(*np.maximum(0.0, np.maximum(low, -high))))
-
-
-def found_by(world: Any) -> Twist:
-    """Return RVO2's velocity of the effective centre, m/s."""
-    velocity = world.get_agent_velocity(0)
-    return velocity.x, velocity.y
-
-
-def half_planes(world: Any) -> Iterator[tuple[float, float, float]]:
-    """Yield a, b of RVO2's half-planes a·w ≥ b, with unit a; m/s.
+def violation(world: Any, velocity: Twist) -> float:
+    """Return the violation of RVO2's half-planes by a velocity, m/s, at least 0.
 
     Allowed velocities lie to the left of a line.
     """
+    (x, y), most = velocity, 0.0
     for i in range(world.get_agent_num_orca_lines(0)):
         (d_x, d_y), (p_x, p_y) = world.get_agent_orca_line(0, i)
-        yield -d_y, d_x, d_x * p_y - d_y * p_x
-
-
-def violation(world: Any, velocity: Twist) -> float:
-    """Return the violation of the half-planes by a velocity, m/s, at least 0."""
-    x, y = velocity
-    return max([0.0, *(b - a_x * x - a_y * y for a_x, a_y, b in half_planes(world))])
+        most = max(most, d_x * p_y - d_y * p_x + d_y * x - d_x * y)
+    return most
 
 
 def library() -> Any:

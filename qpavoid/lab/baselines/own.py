@@ -13,6 +13,7 @@ from qpavoid.errors import InvalidInputError
 from qpavoid.lab.baselines.drive import Baseline, Command
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
+from qpavoid.settings import want
 from qpavoid.types import Twist
 
 METHOD = "v", "omega", "obstacles", "context"
@@ -46,7 +47,12 @@ class OwnController(Baseline):
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
-        own = self._function(v, omega)
+        own: Callable[..., Any] = self.method
+        if hasattr(self.method, "start"):
+            name = f"{self.name}.start"
+            check_call(name, self.method.start, ("v", "omega"))
+            own = self.method.start(v, omega)
+            check_call(f"what {name} returns", own, METHOD)
 
         def plan(desired: Twist, obstacles: Obstacles, context: StepContext) -> Command:
             found = own(*desired, obstacles, context)
@@ -57,31 +63,15 @@ class OwnController(Baseline):
                 twist = found.v, found.omega
                 more = found.status, found.slack, found.shortfall, found.lateral
                 return Command(twist, *more)
-            return Command(self._twist(found))
+            try:
+                ahead, turn = map(float, found)
+            except (TypeError, ValueError):
+                ahead = turn = math.nan
+            finite, wanted = math.isfinite(ahead + turn), "a finite twist (v, omega)"
+            want(finite, f"{self.name} returned {found!r}; {wanted} is wanted")
+            return Command((ahead, turn))
 
         return self.stepping((v, omega), plan)
-
-    def _function(self, v: float, omega: float) -> Callable[..., Any]:
-        """Return the function of a new run: the method, or what its start returns."""
-        if not hasattr(self.method, "start"):
-            function: Callable[..., Any] = self.method
-            return function
-        name = f"{self.name}.start"
-        check_call(name, self.method.start, ("v", "omega"))
-        function = self.method.start(v, omega)
-        check_call(f"what {name} returns", function, METHOD)
-        return function
-
-    def _twist(self, found: Any) -> Twist:
-        try:
-            v, omega = map(float, found)
-        except (TypeError, ValueError):
-            v = omega = math.nan
-        if not (math.isfinite(v) and math.isfinite(omega)):
-            raise InvalidInputError(
-                f"{self.name} returned {found!r}; a finite twist (v, omega) is wanted"
-            )
-        return v, omega
 
 
 def own_controller(
@@ -95,8 +85,7 @@ def own_controller(
     if isinstance(thing, type):
         check_call(name, thing, ("robot", "settings"))
         thing = thing(robot, settings)
-    if not (callable(thing) or hasattr(thing, "start")):
-        raise InvalidInputError(f"{name}: {thing!r} has no start and cannot be called")
     if not hasattr(thing, "start"):
+        want(callable(thing), f"{name}: {thing!r} has no start and cannot be called")
         check_call(name, thing, METHOD)
     return OwnController(robot, settings, name, thing)

@@ -121,19 +121,16 @@ class Planner:
         if kept is not None and not self._is_lost(kept, clearance, pose):
             return None
         found = self._plan(clearance, pose)
-        if kept is not None and self._is_longer(found, kept, pose):
-            if not self._is_lost(kept, self._grid.clearance(since), pose):
-                return None
+        if kept is not None:
+            nearest = int(np.hypot(*(kept - pose[:2]).T).argmin())
+            most = length(kept[nearest:]) + self.settings.detour
+            if found is None or length(found) > most:
+                if not self._is_lost(kept, self._grid.clearance(since), pose):
+                    return None
         self._route = found
         if found is not None:
             return self._timed(found, max(0.0, speed))
         return None if kept is None else standing(pose, len(self.problem.times))
-
-    def _is_longer(self, way: Array | None, kept: Array, pose: Pose) -> bool:
-        """Return whether a path is much longer than the rest of the kept one."""
-        nearest = int(np.hypot(*(kept - pose[:2]).T).argmin())
-        most = length(kept[nearest:]) + self.settings.detour
-        return way is None or length(way) > most
 
     def _look(self, time: float, pose: Pose, seen: Obstacles, since: float) -> Array:
         """Return the distance of every cell from the known obstacles, m."""

@@ -20,11 +20,9 @@ from qpavoid.avoidance.controllers import (
 )
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import ConfigError, InvalidInputError, UnknownNameError
-from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.baselines.own import own_controller
 from qpavoid.lab.planning.grid import SEARCHES
 from qpavoid.lab.scenario.plug_ins import load_object, source_of
-from qpavoid.lab.scenario.scenario import Scenario
 from qpavoid.model.robot import Robot
 from qpavoid.qp.backends import find_back_end
 
@@ -134,12 +132,6 @@ class Method(NamedTuple):
     controller: Any
     search: str = ""
     guided: bool = False
-
-    def adapt(self, scenario: Scenario) -> Scenario:
-        """Return the scenario with the guide that the method brings, if it has none."""
-        if not self.guided or scenario.guide is not None:
-            return scenario
-        return replace(scenario, guide=GuideSettings())
 
 
 @lru_cache

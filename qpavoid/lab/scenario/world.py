@@ -122,14 +122,11 @@ class World:
         others = Obstacles(self.points, discs, velocities, self.walls)
         if self.polygons:
             others = others.joined(self.polygons.moved(time))
-        return others.joined(self._pushed_at(time)) if self.pushed else others
-
-    def _pushed_at(self, time: float) -> Obstacles:
-        """Return the polygons that are pushed about, at a time in s."""
-        ways = [one.shifts.at(time) for one in self.pushed]
-        there = [
-            one.vertices + way for one, (way, _) in zip(self.pushed, ways, strict=True)
-        ]
-        return Obstacles(
-            polygons=there, polygon_velocities=[(*speed, 0.0) for _, speed in ways]
-        )
+        if not self.pushed:
+            return others
+        there, speeds = list[Array](), []
+        for one in self.pushed:
+            way, speed = one.shifts.at(time)
+            there.append(one.vertices + way)
+            speeds.append((*speed, 0.0))
+        return others.joined(Obstacles(polygons=there, polygon_velocities=speeds))

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -9,6 +10,7 @@ from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import BLOCKED, Decision
 from qpavoid.guide.guide import PathTracking
+from qpavoid.guide.settings import GuideSettings
 from qpavoid.guide.stage import NO_PATH, GuideStage
 from qpavoid.lab.planning.planner import Planner, PlanningProblem, standing
 from qpavoid.lab.scenario.methods import find_method, make_controller
@@ -166,7 +168,8 @@ class Simulation:
         self, scenario: Scenario, controller: Any, solver: str = "exact"
     ) -> None:
         found = find_method(controller)
-        scenario = found.adapt(scenario)
+        if found.guided and scenario.guide is None:
+            scenario = replace(scenario, guide=GuideSettings())
         robot, settings = scenario.robot, scenario.settings
         method = make_controller(found.controller, robot, settings, solver)
         self._setup = Setup.of(robot, settings)
@@ -194,7 +197,10 @@ class Simulation:
         """Look at obstacles, world frame, and decide what to drive."""
         seen = self._see(time, obstacles, self.pose)
         desired, blocked, spent = self._guide(time, seen)
-        decision = self._step(*desired, seen, self._context())
+        here, target = self._believed, self._path.target
+        error = tracking_error(here, target[:3])
+        known = StepContext(here, error, target[3:], self.error(here), self.driven)
+        decision = self._step(*desired, seen, known)
         driven = self._limited(decision.v, decision.omega)
         drive = self._drive(*driven, self.scenario.dt)
         spent += decision.solve_time_s
@@ -237,16 +243,6 @@ class Simulation:
             mode, v, omega = self._stage(seen, tracked)
             twist, blocked = (v, omega), mode == NO_PATH
         return twist, blocked, wanted - started + perf_counter() - resumed
-
-    def _context(self) -> StepContext:
-        believed, target = self._believed, self._path.target
-        return StepContext(
-            believed,
-            tracking_error(believed, target[:3]),
-            target[3:],
-            self.error(believed),
-            self.driven,
-        )
 
     def _limited(self, v: float, omega: float) -> Twist:
         """Return the twist that the robot can drive in the coming step."""

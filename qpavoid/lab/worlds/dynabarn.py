@@ -122,10 +122,14 @@ def read_world(
     file = parsed(Published, read_json(path), path)
     if str(world) not in file.worlds:
         raise DataError(f"{path}: there is no world {world}")
-    read, duration = [*map(_cylinder, file.worlds[str(world)])], file.timeout_s
+    read, duration = list[Cylinder](), file.timeout_s
+    for one in file.worlds[str(world)]:
+        places = np.column_stack([one.x, one.y])
+        closed = bool((places[0] == places[-1]).all())
+        read.append(Cylinder(np.array(one.t), places, np.inf if closed else one.period))
     if restart == "end":
         duration = min([duration, *(cylinder.jump for cylinder in read)])
-    frames = sum(_frames(cylinder, duration) for cylinder in read)
+    frames = sum(len(x.times) * (1.0 + duration / float(x.times[-1])) for x in read)
     if frames > MOST_FRAMES:
         raise DataError(f"{path}: world {world}: {frames:g} key frames")
     return DynaBarnWorld(
@@ -137,17 +141,6 @@ def read_world(
         file.goal_radius,
         duration,
     )
-
-
-def _cylinder(frames: Frames) -> Cylinder:
-    times, places = np.array(frames.t), np.column_stack([frames.x, frames.y])
-    closed = bool((places[0] == places[-1]).all())
-    return Cylinder(times, places, np.inf if closed else frames.period)
-
-
-def _frames(cylinder: Cylinder, until: float) -> float:
-    """Return the approximate number of key frames of a time."""
-    return len(cylinder.times) * (1.0 + until / float(cylinder.times[-1]))
 
 
 def _unrolled(cylinder: Cylinder, until: float) -> Cylinder:

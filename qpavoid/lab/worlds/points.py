@@ -1,6 +1,7 @@
 """Obstacle points from a table: CSV or NPY."""
 
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,11 @@ def read_points(path: str | os.PathLike[str]) -> Array:
         if kind == ".npy":
             points = read_array(path)
         elif kind == ".csv":
-            points = _read_csv(Path(path))
+            lines = [line for line in read_text(path).splitlines() if line.strip()]
+            headless = not lines or re.match(r"\s*[+.-]*\d", lines[0])
+            rows = [line.split(",") for line in (lines if headless else lines[1:])]
+            numbers = [[float(x) for x in row] for row in rows]
+            points = np.array(numbers).reshape(len(rows), -1)
         else:
             raise DataError(f"{path}: points come from .csv or .npy, not {kind!r}")
         points = np.asarray(points, dtype=np.float64)
@@ -32,12 +37,3 @@ def read_points(path: str | os.PathLike[str]) -> Array:
         row = int(np.argmin(np.isfinite(points).all(axis=1)))
         raise DataError(f"{path}: point {row} is not finite")
     return points
-
-
-def _read_csv(path: Path) -> Array:
-    lines = read_text(path).splitlines()
-    header = bool(lines) and not lines[0].strip().lstrip("+-.").startswith(
-        tuple("0123456789")
-    )
-    rows = [line.split(",") for line in lines[header:] if line.strip()]
-    return np.array([[float(x) for x in row] for row in rows]).reshape(len(rows), -1)

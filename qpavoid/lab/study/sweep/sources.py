@@ -137,7 +137,10 @@ def make_sources(
     made = [(item, _generator(item, path, data)) for item in model.generators]
     sources: list[tuple[Source, Sequence[int | None]]] = []
     for item, source in (*files, *made):
-        seeds = _seeds(model.seeds if item.seeds is None else item.seeds)
+        told = model.seeds if item.seeds is None else item.seeds
+        seeds: Sequence[int | None] = (
+            range(*map(int, told.split(":"))) if isinstance(told, str) else told
+        )
         fixed = isinstance(source, ScenarioFile) and not source.is_drawn
         if fixed and item.seeds is None:
             seeds = [None]
@@ -195,8 +198,3 @@ def scenario_file(config: str, beside: Path = Path()) -> ScenarioFile:
     name, path = find_config(near if os.path.isfile(near) else config)
     document, _ = read_document(path)
     return ScenarioFile(name, str(path.resolve()), json.dumps(document, default=str))
-
-
-def _seeds(seeds: Seeds) -> Sequence[int | None]:
-    """Return seeds as numbers."""
-    return range(*map(int, seeds.split(":"))) if isinstance(seeds, str) else seeds
