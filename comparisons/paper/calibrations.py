@@ -37,8 +37,7 @@ from qpavoid.lab.scenario.scenario import Scenario, load_scenario
 from qpavoid.lab.scenario.world import Track, World
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.study.statistics import wilson
-from qpavoid.lab.study.tables import write_csv
+from qpavoid.lab.study.tables import wilson, write_csv
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits

@@ -148,7 +148,9 @@ def play_page(
         "scenes": scenes,
         "methods": METHODS,
         "chosen": list(methods),
-        "robots": {name: robot_data(getattr(Robot, name)()) for name in presets()},
+        "robots": {
+            name: robot_data(getattr(Robot, name)()) for name in get_args(Preset)
+        },
         "limits": list(entries("robot", Limits)),
         "settings": [
             one for name, kind in SECTIONS.items() for one in entries(name, kind)
@@ -158,27 +160,18 @@ def play_page(
         "statuses": list(STATUSES),
         "sentences": {str(status): text for status, text in SENTENCES.items()},
     }
-    own = [part(name) for name in OWN]
+    # A module of JavaScript as a script that a page may hold.
+    text = re.sub(r"^export ", "", program.script, flags=re.MULTILINE)
+    kernel = f"const Qpavoid = (() => {{\n{text}\nreturn {{ Kernel }};\n}})();"
     return Template(part("page.html")).substitute(
         title=escape(scenes[0]["title"]),
         style=part("style.css") + part("play.css"),
         data=as_json(given),
         scripts="\n".join(
             f"<script>{text}</script>"
-            for text in [*map(part, DRAWING), classic(program.script), *own]
+            for text in [*map(part, DRAWING), kernel, *map(part, OWN)]
         ),
     )
-
-
-def classic(module: str) -> str:
-    """Return a module of JavaScript as a script that a page may hold."""
-    text = re.sub(r"^export ", "", module, flags=re.MULTILINE)
-    return f"const Qpavoid = (() => {{\n{text}\nreturn {{ Kernel }};\n}})();"
-
-
-def presets() -> tuple[str, ...]:
-    """Return the names of the robots."""
-    return tuple(get_args(Preset))
 
 
 def part(name: str) -> str:
@@ -287,12 +280,13 @@ def entries(section: str, kind: type[Any]) -> Iterator[dict[str, Any]]:
         defaults = (None,) if setting.default is ... else setting.of(setting.default)
         for key, name, default in zip_longest(setting.keys, names, defaults):
             if key is not None:
+                units = (UNITS[end] for end in UNITS if key.endswith(f"_{end}"))
                 yield {
                     "section": section,
                     "key": key,
                     "name": name,
                     "default": default,
-                    "unit": unit_of(key),
+                    "unit": next(units, ""),
                     "choices": setting.choices,
                     "switch": setting.kind is bool,
                     "range": bounds(setting),
@@ -315,11 +309,6 @@ def ordered() -> Iterator[tuple[list[str | float], str, list[str | float]]]:
                 for side in (first, second)
             )
             yield one, sign, other
-
-
-def unit_of(key: str) -> str:
-    """Return the unit that ends a key."""
-    return next((unit for end, unit in UNITS.items() if key.endswith(f"_{end}")), "")
 
 
 def bounds(setting: Setting) -> dict[str, Any]:

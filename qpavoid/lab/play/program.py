@@ -3,7 +3,7 @@
 import hashlib
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -87,15 +87,8 @@ def keep(made: Path, folder: Path) -> None:
 
 def cached() -> Path:
     """Return where the program of these sources is kept, if it is."""
-    stamps = "".join(stamps_of_sources())
+    stamps = "".join(source_stamp(Path(str(file))) for file in SOURCES)
+    stamps += "".join(map(file_stamp, sorted(TEMPLATES.iterdir())))
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     digest = hashlib.sha256(stamps.encode()).hexdigest()[:16]
     return Path(home) / "qpavoid" / f"wasm-{digest}"
-
-
-def stamps_of_sources() -> Iterator[str]:
-    """Yield a hash of all that the program is made of, and by."""
-    for file in SOURCES:
-        yield source_stamp(Path(str(file)))
-    for template in sorted(TEMPLATES.iterdir()):
-        yield file_stamp(template)

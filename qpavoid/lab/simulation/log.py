@@ -5,7 +5,7 @@ import os
 import platform
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from typing import Annotated, Any, BinaryIO, NamedTuple
 
@@ -58,19 +58,6 @@ class LogRow(NamedTuple):
 
 COLUMNS = LogRow._fields
 
-POLYGONS = {
-    "corners": np.empty((1, 0, 2)),
-    "polygons": np.empty(0),
-    "outlines": np.empty(0),
-}
-"""Defaults of arrays that older logs, without polygons or unions, lack."""
-
-ARRAYS = (
-    *("final", "final_reference", "discs", "points", "walls", "vertices"),
-    *POLYGONS,
-)
-"""Arrays of a log beside its columns."""
-
 PACKAGES = "numpy numba osqp casadi qpsolvers daqp scipy mujoco".split()
 
 
@@ -103,9 +90,9 @@ class Log:
     points: Array
     walls: Array
     vertices: Array
-    corners: Array = field(default_factory=lambda: POLYGONS["corners"])
-    polygons: Array = field(default_factory=lambda: POLYGONS["polygons"])
-    outlines: Array = field(default_factory=lambda: np.empty(0))
+    corners: Array
+    polygons: Array
+    outlines: Array
 
     def __repr__(self) -> str:
         meta = self.meta
@@ -135,7 +122,7 @@ class Log:
 
     def save(self, path: str | os.PathLike[str] | BinaryIO) -> None:
         """Write the log as a compressed ``.npz`` file without pickled objects."""
-        arrays = {name: getattr(self, name) for name in ARRAYS}
+        arrays = {name: getattr(self, name) for name in SHAPES}
         meta = np.array(json.dumps(dict(self.meta)))
         arrays |= {"meta": meta, **self.columns}
         np.savez_compressed(path, allow_pickle=False, **arrays)
@@ -148,9 +135,9 @@ class Log:
             DataError: The file is missing, damaged or not a log.
         """
         with reading(path, "not a readable log"):
-            data = POLYGONS | read_arrays(path)
+            data = read_arrays(path)
             columns = {name: data[name] for name in COLUMNS}
-            arrays = {name: data[name] for name in ARRAYS}
+            arrays = {name: data[name] for name in SHAPES}
             meta = json.loads(str(data["meta"]))
             if wrong := misfit(meta, columns, arrays):
                 raise DataError(f"{path}: not a readable log ({wrong})")
@@ -209,7 +196,7 @@ SHAPES = {
     "polygons": (None,),
     "outlines": (None,),
 }
-"""Of the arrays beside the columns: n steps, or any number."""
+"""Arrays of a log beside its columns: n steps, or any number."""
 
 
 class Meta(BaseModel):
@@ -244,9 +231,7 @@ def misfit(meta: Any, columns: Mapping[str, Array], arrays: Mapping[str, Array])
         if len(found) != len(wanted) or not all(fits):
             return f"{name} of shape {found}"
     footprint, parts = arrays["vertices"], arrays["outlines"]
-    if len(footprint) < 3 or (
-        len(parts) and (parts.sum() != len(footprint) or (parts < 3).any())
-    ):
+    if not len(parts) or parts.sum() != len(footprint) or (parts < 3).any():
         return "a footprint of fewer than three corners"
     steps, corners, _ = arrays["corners"].shape
     sizes = arrays["polygons"]

@@ -12,6 +12,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
@@ -295,13 +296,8 @@ def _row(recorded: Twist, step: GuardStep, limits: Limits) -> dict[str, Any]:
 
 def episodes(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return the stretches of changed commands: when, how long, how much, why."""
-    found: list[list[Mapping[str, Any]]] = []
-    for before, row in zip([None, *rows], rows, strict=False):
-        if row["changed"]:
-            if before is None or not before["changed"]:
-                found.append([])
-            found[-1].append(row)
-    start = rows[0]["time_s"]
+    groups = groupby(rows, lambda row: bool(row["changed"]))
+    found, start = [[*some] for changed, some in groups if changed], rows[0]["time_s"]
     return [
         {
             "begins_s": round(some[0]["time_s"] - start, 3),

@@ -11,8 +11,7 @@ from qpavoid.errors import DataError
 from qpavoid.lab.scenario.methods import labelled
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.plots import paths
-from qpavoid.lab.study.statistics import Interval, wilson
-from qpavoid.lab.study.tables import markdown_table
+from qpavoid.lab.study.tables import Interval, markdown_table, wilson
 from qpavoid.types import Array
 
 Row: TypeAlias = dict[str, Any]

@@ -1,10 +1,21 @@
-"""Results of all studies: as CSV, as Markdown, and as JSON."""
+"""Results of all studies: rates, as CSV, as Markdown, and as JSON."""
 
 import csv
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
+
+Interval: TypeAlias = tuple[float, float, float]
+"""A value and its 95 % interval."""
+
+
+def wilson(hits: int, n: int) -> Interval:
+    """Return the rate and its 95 % interval (Wilson), for n of at least 1."""
+    from scipy import stats  # a second
+
+    low, high = stats.binomtest(hits, n).proportion_ci(method="wilson")
+    return hits / n, float(low), float(high)
 
 
 def write_csv(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:

@@ -170,6 +170,9 @@ def test_metrics_of_a_log_made_by_hand():
         points=np.zeros((0, 2)),
         walls=np.zeros((0, 4)),
         vertices=np.zeros((3, 2)),
+        corners=np.zeros((1, 0, 2)),
+        polygons=np.zeros(0),
+        outlines=np.array([3.0]),
     )
     result = metrics(log)
     assert result["zone_entry_s"] == pytest.approx(2.0)

@@ -117,7 +117,7 @@ def _in_workers(jobs: Sequence[Job], workers: int) -> Iterator[Result]:
 def _alone(jobs: Sequence[Job]) -> Iterator[Result]:
     """Yield results of runs in a process of their own, to find the one that kills."""
     for job in jobs:
-        result = job.row("died", f"killed its worker {TRIES} times"), None
+        result: Result = (job.row("died", f"killed its worker {TRIES} times"), None)
         for _ in range(TRIES):
             with suppress(BrokenExecutor), _pool(1) as pool:
                 result = pool.submit(run_job, job).result()
