@@ -1,15 +1,19 @@
-"""The documentation is true: it builds without a warning, and its snippets run."""
+"""README and documentation are true: snippets run, links lead somewhere, it builds."""
 
+import csv
 import json
 import re
 import runpy
 import subprocess
 import sys
+from importlib import metadata
+from pathlib import PurePosixPath
 
 import numpy as np
 import pytest
 
 import qpavoid
+import station
 from places import ROOT
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.inputs import Fault
@@ -184,3 +188,102 @@ def test_the_tutorials_run_when_it_is_built(tmp_path):
         assert "cell_output" in pages[name] and "Traceback" not in pages[name], name
     assert "9.5 s, least clearance" in pages["lidar-loop"]
     assert len(re.findall(r'src="_images/\w+\.svg"', pages["own-robot"])) == 2
+
+
+UNLOOKED = {"out", "build", "dist", "node_modules"}
+MARKDOWN = sorted(
+    path
+    for path in [*ROOT.rglob("*.md"), *(ROOT / ".github").rglob("*.md")]
+    if not UNLOOKED & set(path.relative_to(ROOT).parts)
+    and not any(part.startswith(".venv") for part in path.parts)
+)
+FENCE = re.compile(r"^ *(```+|~~~+|:::+).*?^ *\1 *$", re.DOTALL | re.MULTILINE)
+LINK = re.compile(r"\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^()\s]+)\)")
+
+
+def slug(heading):
+    """Anchor that GitHub makes of a heading."""
+    shown = LINK.sub(r"\1", heading).replace("`", "")
+    return re.sub(r"[^\w\- ]", "", shown.strip().lower()).replace(" ", "-")
+
+
+def anchors(text):
+    text, found = (
+        FENCE.sub("", text),
+        set(re.findall(r'<a (?:id|name)=["\x27]([^"\x27]+)', text)),
+    )
+    for heading in re.findall(r"^#{1,6} +(.+?)#*$", text, re.MULTILINE):
+        name, number = slug(heading), 0
+        while (one := f"{name}-{number}" if number else name) in found:
+            number += 1
+        found.add(one)
+    return found
+
+
+def dead(path):
+    """Yield the links of a file that lead nowhere, or that have no words."""
+    text = re.sub(r"`[^`]*`", "code", FENCE.sub("", path.read_text()))
+    for words, link in LINK.findall(text):
+        target, _, anchor = link.partition("#")
+        if re.match(r"[a-z]+:", target):
+            continue
+        file = path.parent / PurePosixPath(target) if target else path
+        there = file.exists() and (not anchor or anchor in anchors(file.read_text()))
+        if not there or not words.strip():
+            yield link
+
+
+@pytest.mark.parametrize("path", MARKDOWN, ids=lambda path: str(path.relative_to(ROOT)))
+def test_links_lead_somewhere(path):
+    assert not [*dead(path)]
+
+
+def test_a_dead_link_is_found(tmp_path):
+    (tmp_path / "b.md").write_text("# A `b` (c), d\n# Twice\n# Twice\n<a id='x'></a>\n")
+    good = (
+        "[a](b.md) [b](b.md#a-b-c-d) [c](b.md#twice-1) [d](b.md#x) [e](https://e.org)"
+    )
+    bad = "[a](c.md) [b](b.md#twice-2) [c](#nothing) [](b.md)"
+    (tmp_path / "a.md").write_text(f"{good}\n```\n[a](gone.md)\n```\n{bad}\n")
+    found = ["c.md", "b.md#twice-2", "#nothing", "b.md"]
+    assert [*dead(tmp_path / "a.md")] == found
+
+
+def test_the_people_of_the_readme_are_those_of_the_station_study():
+    with (ROOT / "comparisons/results/station.csv").open() as file:
+        found = station.totals(list(csv.DictReader(file)), "method")
+    ours, still = (
+        round(found[x]["by_robot"] + found[x]["by_person"]) for x in ("ours", "nothing")
+    )
+    text, visits = " ".join(README.split()), round(found["ours"]["visits"])
+    assert f"{ours} of {visits} people of nine kinds touch it" in text
+    assert f"{still} touch a robot that stands still" in text
+
+
+FILTERED = "assert decision.status == 'filtered' and decision.v < 0.9"
+STEPS = "assert step.v > 0.0"
+
+
+@pytest.mark.parametrize(
+    ("more", "told"), [((), (FILTERED,)), (("scipy",), (FILTERED, STEPS))]
+)
+def test_the_snippets_of_the_readme_run_with_numpy_on_a_robot(more, told):
+    """None of the other dependencies can be imported; a guide takes scipy as well."""
+    names = set(metadata.requires("qpavoid") or ())
+    base = {re.split(r"[<>=; ]", name)[0] for name in names if "extra" not in name}
+    lacking = {*base, "yaml", "numba"} - {"numpy", "pyyaml", *more}
+    assert "casadi" in lacking
+    code = [f"import sys; sys.modules.update(dict.fromkeys({sorted(lacking)}))"]
+    for block, check in zip(fenced(README, "python"), told, strict=False):
+        code += [block, check]
+    done = subprocess.run(
+        [sys.executable, "-c", "\n".join(code)], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_readme_leads_to_every_page():
+    pages = {path.name for path in (ROOT / "docs").glob("*.md")}
+    linked = set(re.findall(r"\]\(docs/([\w-]+\.md)[#)]", README))
+    apart = {"index.md", "all-comparisons.md", "paper-statements.md"}
+    assert pages - linked == apart

@@ -15,7 +15,7 @@ sys.path.append(str(COMPARISONS / "examples"))
 from wholebody import FootprintLimit
 
 pink = pytest.importorskip("pink")
-pin = pytest.importorskip("pinocchio")
+pytest.importorskip("pinocchio")
 example = pytest.importorskip("examples.mobile_manipulator")
 
 DT = 0.02
@@ -70,37 +70,24 @@ def test_rows_are_the_slopes_of_distances():
 
 
 def test_mink_takes_the_same_rows():
-    mink = pytest.importorskip("mink")
-    mujoco = pytest.importorskip("mujoco")
-    axes = ["0 0 1", "0 1 0", "0 1 0"] * 2
-    arm = "".join(
-        f'<body name="joint_{i}" pos="0 0 {height}"><joint axis="{axis}"/>{MASS}'
-        for i, (height, axis) in enumerate(
-            zip(example.HEIGHTS[1:], axes, strict=True), start=1
-        )
-    )
-    base = '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/>'
-    base += f'<joint axis="0 0 1"/>{MASS}'
-    text = f'<body name="joint_0">{base}{arm}{"</body>" * 7}'
-    model = mujoco.MjModel.from_xml_string(
-        f"<mujoco><worldbody>{text}</worldbody></mujoco>"
-    )
-    q = np.concatenate([[0.3, -0.2, 0.4], Q[4:]])
-    theirs, ours = mink.Configuration(model, q), configuration()
+    """Of a base of two slides and a hinge, whose axes are those of the world."""
+    mink, mujoco = map(pytest.importorskip, ("mink", "mujoco"))
+    joints = '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/>'
+    mass = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    base = f'<body name="joint_0">{joints}<joint axis="0 0 1"/>{mass}</body>'
+    text = f"<mujoco><worldbody>{base}</worldbody></mujoco>"
+    model = mujoco.MjModel.from_xml_string(text)
+    theirs = mink.Configuration(model, np.array([0.3, -0.2, 0.4]))
+    c, s = np.cos(0.4), np.sin(0.4)
+    into_base = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    rows = limit().compute_qp_inequalities(configuration(), DT)
     body = limit((*BASE, "body"))
-    into_base = np.eye(9)  # from world axes to those of the base
-    into_base[:2, :2] = [[np.cos(0.4), np.sin(0.4)], [-np.sin(0.4), np.cos(0.4)]]
-    rows = limit().compute_qp_inequalities(ours, DT)
     same = body.compute_qp_inequalities(theirs, DT)
-    np.testing.assert_allclose(same.G, rows.G @ into_base, atol=1e-9)
+    np.testing.assert_allclose(same.G, rows.G[:, :3] @ into_base, atol=1e-9)
     np.testing.assert_allclose(same.h, rows.h, atol=1e-9)
     task = mink.PostureTask(model, cost=1.0)
-    task.set_target(q + 0.1)
-    u = mink.solve_ik(theirs, [task], DT, "daqp", limits=[body])
-    assert np.isfinite(u).all()
-
-
-MASS = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    task.set_target(np.array([0.4, -0.1, 0.5]))
+    assert np.isfinite(mink.solve_ik(theirs, [task], DT, "daqp", limits=[body])).all()
 
 
 def test_the_example_reaches_its_goal():

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from numpy.testing import assert_allclose
 
-import guided
-from near_things import DT, HEAVY, seeds, start, towards
+from baselines import AHEAD, DT, HEAVY, NEAR, following, make, seeds, start, towards
 from qpavoid.avoidance.decision import Status
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.scenario.methods import OURS, REGISTRY
@@ -27,19 +26,18 @@ ODD = [
         ("rail", (0.0, 1.0, 0.0, 0.0)),
     )
 ]
-NAMES = ("alone", "stop", "apf", "vfh", "dwa")
 SMALL = {name: {"stages": 5, "nearest": 2} for name in ("nmpc", "mpc-cbf", "teb")}
 SMALL["mppi"] = {"samples": 16}
-EVERY = [(name, robot) for name in NAMES for robot in (MIR, HEAVY, *ODD)]
-EVERY += [(name, HEAVY) for name in guided.NAMES]
-methods = pytest.mark.parametrize("name", NAMES)
+EVERY = [(name, robot) for name in NEAR for robot in (MIR, HEAVY, *ODD)]
+EVERY += [(name, HEAVY) for name in AHEAD]
+methods = pytest.mark.parametrize("name", NEAR)
 
 
-@pytest.mark.parametrize("name", [*NAMES, *guided.NAMES])
-@pytest.mark.parametrize("guide", [None, guided.towards(0.45, 0.17, (0.45, 0.17))])
+@pytest.mark.parametrize("name", [*NEAR, *AHEAD])
+@pytest.mark.parametrize("guide", [None, following(0.45, 0.17, (0.45, 0.17))])
 def test_far_from_everything_the_desired_twist_is_driven(name, guide):
     far = Obstacles([[50.0, 1.0]], [[-40, 7, 0.4]], walls=[[50, 9, -50, 90]])
-    step = guided.make(name).start(0.45, 0.17)
+    step = make(name).start(0.45, 0.17)
     for obstacles in (Obstacles(), far, far):
         decision = step(0.45, 0.17, obstacles, guide)
         assert decision[:3] == (0.45, 0.17, Status.TRACKING)
@@ -50,7 +48,7 @@ def test_far_from_everything_the_desired_twist_is_driven(name, guide):
 def test_twists_are_finite_and_within_the_limits(name, robot, seed):
     rng = np.random.default_rng(seed)
     obstacles, driven = Obstacles(**scene(rng)), (0.0, 0.0)
-    step = guided.make(name, robot, **SMALL.get(name, {})).start()
+    step = make(name, robot, **SMALL.get(name, {})).start()
     for _ in range(4):
         x, y = rng.uniform(-4, 4, 2)
         guide = towards(x, y, driven, rng.uniform(-9, 9))
@@ -65,7 +63,7 @@ def test_twists_are_finite_and_within_the_limits(name, robot, seed):
         if robot is HEAVY:
             assert abs(driven[0]) + 0.225 * abs(driven[1]) <= 1.1 + 1e-9
         if decision.status is Status.TRACKING:
-            assert_allclose(driven, (v, omega) if name in NAMES else cut, atol=1e-8)
+            assert_allclose(driven, (v, omega) if name in NEAR else cut, atol=1e-8)
         if decision.status is Status.HOLDING:
             assert driven == (0.0, 0.0)
 
@@ -134,4 +132,4 @@ def test_past_a_disc_or_stalled_before_it(name, aside, arrives, tmp_path):
 
 def test_every_method_is_tested_here_or_among_those_that_look_ahead():
     apart = {"omni", "rpp"}  # in files of their own
-    assert {*NAMES, *guided.NAMES, *apart, *OURS} == set(REGISTRY)
+    assert {*NEAR, *AHEAD, *apart, *OURS} == set(REGISTRY)

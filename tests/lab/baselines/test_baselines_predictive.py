@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guided import NAMES, SETTINGS, make, towards
+from baselines import AHEAD, SETTINGS, following, make
 from qpavoid.lab.baselines.drive import round_robot, wide_discs
 from qpavoid.lab.baselines.orca import (
     Near,
@@ -45,12 +45,12 @@ CROSSES = (
 )
 
 
-QUICK = [name for name in NAMES if name not in PROGRAMS]
+QUICK = [name for name in AHEAD if name not in PROGRAMS]
 
 
 @pytest.mark.parametrize(
     ("name", "scene"),
-    [*((name, STANDS) for name in NAMES), *((name, CROSSES) for name in QUICK)]
+    [*((name, STANDS) for name in AHEAD), *((name, CROSSES) for name in QUICK)]
     + [pytest.param(x, CROSSES, marks=pytest.mark.slow) for x in PROGRAMS],
 )
 def test_a_disc_that_stands_or_crosses_is_passed(name, scene, tmp_path):
@@ -99,7 +99,7 @@ def test_orca_line_is_half_the_least_change_that_leaves_the_obstacle(velocity):
     assert not leaves(p, radius, relative, method.horizon)
     least = least_change(p, radius, relative, method.horizon)
     assert np.hypot(*change) == pytest.approx(least, abs=2e-3)
-    guide = towards(driven=(velocity[0], velocity[1] / method.ahead))
+    guide = following(driven=(velocity[0], velocity[1] / method.ahead))
     found = method.evade(world, guide, velocity, near)
     left = least_change(p, radius, np.array(found) - moves, method.horizon)
     assert left < 0.12 * least
@@ -112,7 +112,7 @@ def test_orca_does_as_if_what_is_beyond_its_horizon_were_not_there(walls):
     steps = make("orca").start(0.5), make("orca").start(0.5)
     for _ in range(2):
         near, both = (
-            step(0.5, 0.0, Obstacles(walls=some), towards(0.5, 0.0, (0.5, 0.0)))
+            step(0.5, 0.0, Obstacles(walls=some), following(0.5, 0.0, (0.5, 0.0)))
             for step, some in zip(steps, (walls, [*walls, *far]), strict=True)
         )
         assert near[:3] == both[:3]

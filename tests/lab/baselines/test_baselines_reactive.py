@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from near_things import DT, HEAVY, seeds, standing, start, towards
+from baselines import DT, HEAVY, seeds, standing, start, towards
 from oracles import point_distance, wall_distance
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings

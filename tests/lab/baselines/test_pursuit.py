@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from near_things import DT, SETTINGS, start
+from baselines import DT, SETTINGS, start
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.lab.baselines.rpp import PursuitController

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guided import HERE, make, towards
-from near_things import seeds
+from baselines import HERE, following, make, seeds
 from qpavoid.lab.baselines.ttc import cost_of, descend, first_met
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
@@ -36,7 +35,7 @@ def room(problem, twist, time):
 
 @given(seed=seeds, twist=twists)
 def test_the_first_collision_is_that_of_a_fine_rollout(seed, twist):
-    problem = METHOD.problem(moving(np.random.default_rng(seed)), towards())
+    problem = METHOD.problem(moving(np.random.default_rng(seed)), following())
     met, which = first_met(problem, twist)
     times = np.linspace(0.0, met, 150)
     assert min(room(problem, twist, time) for time in times) > -2e-3
@@ -48,7 +47,7 @@ def test_the_first_collision_is_that_of_a_fine_rollout(seed, twist):
 
 @given(seed=seeds, twist=twists)
 def test_the_subgradient_is_that_of_the_cost(seed, twist):
-    problem = METHOD.problem(moving(np.random.default_rng(seed)), towards())
+    problem = METHOD.problem(moving(np.random.default_rng(seed)), following())
     cost, *slopes = cost_of(problem, twist)
     h = 1e-4
     for i, slope in enumerate(slopes):
@@ -65,7 +64,7 @@ def test_the_subgradient_is_that_of_the_cost(seed, twist):
 
 @given(seed=seeds, twist=twists)
 def test_descent_never_ends_above_its_start(seed, twist):
-    problem = METHOD.problem(moving(np.random.default_rng(seed)), towards())
+    problem = METHOD.problem(moving(np.random.default_rng(seed)), following())
     best, v, omega = descend(problem, twist, 40)
     assert best <= cost_of(problem, twist)[0] + 1e-12
     assert best == pytest.approx(cost_of(problem, (v, omega))[0])
@@ -75,6 +74,6 @@ def test_descent_never_ends_above_its_start(seed, twist):
 
 def test_its_polygon_passes_where_its_circle_would_not():
     posts = Obstacles(points=[[1.2, 0.55], [1.2, -0.55]])
-    decision = make("ttc").start(0.5)(0.5, 0.0, posts, towards())
+    decision = make("ttc").start(0.5)(0.5, 0.0, posts, following())
     assert ROBOT.footprint.circumradius > 0.55
     assert decision[:2] == (0.5, 0.0)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
+from shapely import Point, Polygon
 
 from qpavoid.lab.planning.grid import SEARCHES, Grid, cheapest_way
 from qpavoid.lab.planning.planner import Planner, PlannerSettings, PlanningProblem
@@ -79,6 +80,18 @@ def test_marks_and_clearance():
     now.mark(Obstacles([(3.0, 1.5)]), math.inf)
     assert grid.clearance(4.0).max() > now.clearance(4.0).max() - 1e-9
     assert np.isfinite(now.clearance(5.0)).all() and np.isinf(grid.clearance(5.0)).all()
+
+
+def test_a_grid_is_marked_within_a_polygon():
+    box = [(1.6, 0.9), (2.3, 0.9), (2.3, 1.3), (1.6, 1.3)]
+    grid, solid = (
+        Grid.around(np.array([[0.0, 0.0], [3.0, 2.0]]), 0.5, 0.1),
+        Polygon(box),
+    )
+    grid.mark(Obstacles(polygons=[box]), 1.0)
+    places = grid.places(np.argwhere(grid.seen == 1.0))
+    assert all(solid.distance(Point(place)) < 0.08 for place in places)
+    assert len(places) >= solid.area / 0.01
 
 
 def planner(chart, search="astar", **changes):

@@ -1,4 +1,4 @@
-"""Scenario files: everything wrong at once, with file, key and a suggestion."""
+"""Scenario files: keys and values, everything wrong at once, with a suggestion."""
 
 import math
 import shutil
@@ -6,10 +6,13 @@ import shutil
 import numpy as np
 import pytest
 
+from qpavoid.avoidance.settings import Margins
 from qpavoid.errors import ConfigError, DataError
 from qpavoid.lab.scenario.config import builtin_configs
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.scenario.world import ABSENT, Track
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import Limits
 from scenario_files import MINIMAL, problems, write
 
 
@@ -95,6 +98,11 @@ kind = "wall"
 start_m = [0.0, 1.0]
 end_m = [2.0, 1.0]
 [[obstacles]]
+kind = "polygon"
+vertices_m = [[1.6, 0.9], [2.3, 0.9], [2.3, 1.3], [1.6, 1.3]]
+velocity_mps = [-0.1, -0.15]
+turn_rate_radps = 0.5
+[[obstacles]]
 kind = "points"
 file = "a.npy"
 [[obstacles]]
@@ -108,6 +116,10 @@ file = "b.csv"
     np.testing.assert_array_equal(world.disc_velocities, [[0, 0], [1, -2], [0, 1]])
     np.testing.assert_array_equal(world.walls, [[0, 1, 2, 1]])
     np.testing.assert_array_equal(world.points, [[3, 4], [5, 6], [1, 2], [3.5, -0.4]])
+    box, motion = [(1.6, 0.9), (2.3, 0.9), (2.3, 1.3), (1.6, 1.3)], (-0.1, -0.15, 0.5)
+    cart = Obstacles(polygons=[box], polygon_velocities=[motion])
+    np.testing.assert_allclose(world.polygons, cart.moved(3.0).polygons)
+    np.testing.assert_array_equal(world.polygon_velocities, [motion])
     before, after = scenario.world.at(0.5), scenario.world.at(9.0)
     np.testing.assert_array_equal(before.discs[2], [0, 0, 0.1])
     np.testing.assert_array_equal(after.discs[2], [1, 2, 0.1])
@@ -164,3 +176,53 @@ def test_who_is_away_is_far_from_everybody_wherever_that_is():
         position, _ = track.at(3.0)
         assert np.abs(position - places).max(axis=1).min() >= 0.5 * ABSENT
     assert track.at(1.5)[0] == pytest.approx([5e6 + 0.5, 0.0])
+
+
+POLYGON = '[[obstacles]]\nkind = "polygon"\nvertices_m = {}\n'
+
+
+@pytest.mark.parametrize(
+    ("section", "message"),
+    [
+        ('[robot]\npreset = "jakal"\n', "(got 'jakal'); did you mean 'jackal'?"),
+        ("[robot]\nfootprint_m = [[0,0],[1,0]]\n", "robot: a footprint takes"),
+        ("[robot]\nfootprint_m = []\n", "robot: a footprint takes"),
+        ("[robot]\nfootprint_m = [[]]\n", "robot: a footprint takes"),
+        ("[robot]\nfootprint_m = [[[0,0],[1,0]]]\n", "robot: a footprint takes"),
+        (
+            "[radius]\nr_min_slow_m = 0.3\nr_min_fast_m = 0.2\n",
+            "r_min_slow <= r_min_fast",
+        ),
+        ("[filter]\ngamma_per_s = 200.0\n", "gamma * dt"),
+        ('[[obstacles]]\nkind = "dics"\n', "did you mean 'disc'"),
+        ("[[obstacles]]\nradius_m = 1.0\n", "obstacles[0]: kind: field required"),
+        (
+            '[[obstacles]]\nkind = "random"\ncount = 1\nlow_m = [1.0, 0.0]\n'
+            "high_m = [0.0, 1.0]\n",
+            "a low bound lies above",
+        ),
+        (POLYGON.format([[0, 0], [1, 0]]), "obstacles[0]"),
+        (POLYGON.format([[0, 0], [0, 1], [1, 0]]), "obstacles[0]"),
+        (POLYGON.format([[0, 0, 0]]), "obstacles[0]"),
+        ("[robot]\nwheel_speed_mps = 1.0\n", "robot: limits need a track"),
+        ("[margins]\nacceleration = 1.0\n", "did you mean 'acceleration_mps2'"),
+        ("[ahead]\nhorizon_still_s = 9.0\n", "look-ahead needs horizon_still"),
+        (
+            '[[obstacles]]\nkind="waypoints"\ntimes_s=[0.0,0.0]\n'
+            "positions_m=[[0.0,0.0],[1.0,1.0]]\n",
+            "must increase",
+        ),
+    ],
+)
+def test_bad_values_in_sections(tmp_path, section, message):
+    assert message in "\n".join(problems(tmp_path, MINIMAL + section))
+
+
+def test_values_of_sections_reach_the_settings(tmp_path):
+    text = "[robot]\nwheel_speed_mps = 1.1\ntrack_m = 0.45\n[filter]\npassive = true\n"
+    text += "[margins]\nerror_m = 0.02\nacceleration_mps2 = 0.4\n"
+    scenario = load_scenario(write(tmp_path, "settled_s = 0.5\n" + MINIMAL + text))
+    wheels = {"wheel_speed": 1.1, "track": 0.45}
+    assert scenario.robot.limits == Limits(-1.0, 1.0, -1.5, 1.5, **wheels)
+    assert scenario.settings.margins == Margins(0.02, 0.4)
+    assert scenario.settings.passive and scenario.settled == 0.5

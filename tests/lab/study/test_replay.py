@@ -155,13 +155,6 @@ def test_a_sensor_that_moves_on_the_robot(tmp_path, shift):
         np.testing.assert_allclose(step.obstacles.points[:, 0], ahead, atol=5e-3)
 
 
-def test_a_sensor_that_fell_silent_is_why(tmp_path):
-    _, done = run(record(tmp_path / "bag", stop=1.0))
-    late = [row for row in done.rows if "stale" in row["why"]]
-    assert late[0]["time_s"] - START == pytest.approx(1.15, abs=0.06)
-    assert all(row["changed"] and row["v_given_mps"] == 0.0 for row in late)
-
-
 def test_a_bag_without_scans_or_commands(tmp_path):
     folder = record(tmp_path / "bag", stop=0.0)
     with pytest.raises(InvalidInputError, match="scans or clouds must name"):
