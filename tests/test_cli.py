@@ -19,12 +19,8 @@ from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.log import Log
 from scenario_files import MINIMAL
 
-SCENARIO = """
-title = "short"
-duration_s = 0.5
-[reference]
-kind = "station"
-pose = { x_m = 0.0, y_m = 0.0 }
+SCENARIO = MINIMAL.replace('"t"', '"short"').replace("1.0", "0.5", 1)
+SCENARIO += """
 [[obstacles]]
 kind = "disc"
 position_m = [0.95, 0.0]
@@ -368,25 +364,18 @@ def test_doctor_says_what_is_wrong(monkeypatch, capsys, tmp_path):
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_json_is_all_that_is_printed(tmp_path, capsys):
-    path = tmp_path / "short.toml"
-    path.write_text(MINIMAL)
-    told = ["--controllers", "eq5,qp", "--out", str(tmp_path / "out"), "--json"]
-    assert main(["compare", str(path), *told]) == 0
+def test_json_is_all_that_is_printed_and_quiet_prints_errors_alone(config, capsys):
+    out = config.with_name("out")
+    told = ["--controllers", "eq5,qp", "--out", str(out)]
+    assert main(["compare", str(config), *told, "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
     assert [row["controller"] for row in rows] == ["eq5", "qp"]
-    assert rows == json.loads((tmp_path / "out" / "summary.json").read_text())
-    for command in (["list", "robots"], ["check", str(path)]):
+    assert rows == json.loads((out / "summary.json").read_text())
+    for command in (["list", "robots"], ["check", str(config)]):
         assert main([*command, "--json"]) == 0
         assert json.loads(capsys.readouterr().out)
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_quiet_prints_errors_alone(tmp_path, capsys):
-    path = tmp_path / "short.toml"
-    path.write_text(MINIMAL)
-    told = ["--controllers", "eq5", "--out", str(tmp_path / "out"), "--quiet"]
-    assert main(["compare", str(path), *told]) == 0
-    assert capsys.readouterr().out == "" and (tmp_path / "out/summary.csv").is_file()
+    (out / "summary.csv").unlink()
+    assert main(["compare", str(config), *told, "--quiet"]) == 0
+    assert capsys.readouterr().out == "" and (out / "summary.csv").is_file()
     assert main(["check", "nothing.toml", "--quiet"]) == 1
     assert "no such file" in capsys.readouterr().err

@@ -145,18 +145,6 @@ def built(folder, *options):
     return {path.stem: path.read_text() for path in files}  # the top folder's count
 
 
-def dead_links(folder):
-    """Yield the links between pages of a built site that lead nowhere."""
-    texts = {path: path.read_text() for path in folder.rglob("*.html")}
-    for path, text in texts.items():
-        for link in re.findall(r'href="([^":?]+)"', text):
-            target, _, anchor = link.partition("#")
-            file = (path.parent / target).resolve() if target else path
-            name = f'id="{anchor}"' if anchor else ""
-            if not file.exists() or name not in texts.get(file, name):
-                yield path.name, link
-
-
 UNQUIET = "myst.xref_missing,myst.header,myst-nb.lexer"  # of conf.py, and cells
 UNRUN = ("-D", "nb_execution_mode=off", "-D", f"suppress_warnings={UNQUIET}")
 
@@ -167,7 +155,6 @@ def test_it_builds_without_a_warning(tmp_path):
     pages = built(tmp_path, *UNRUN)
     assert "gamma_per_s" in pages["keys"] and "1/s" in pages["keys"]
     assert "nearest" in pages["avoidance"] and set(TUTORIALS) < set(pages)
-    assert not [*dead_links(tmp_path)]
     index = (tmp_path / "searchindex.js").read_text()
     found = json.loads(index[index.index("(") + 1 : -1])
     for word, page in (

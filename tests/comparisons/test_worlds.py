@@ -9,9 +9,8 @@ import pytest
 
 import rows
 from crowd_contacts import PERSON, Crowd, Task, own_clearance
-from qpavoid.errors import DataError
 from qpavoid.lab.scenario.scenario import make_scenario
-from qpavoid.lab.worlds.dynabarn import DynaBarn, find_worlds
+from qpavoid.lab.worlds.dynabarn import DynaBarn
 from rows import metric, optimal_time
 from scenario_files import walker
 
@@ -52,14 +51,6 @@ def test_a_phase_shifts_the_clock_by_thirds_to_the_first_jump(data):
         )  # 4 s after the jump, on the way back
         np.testing.assert_allclose(later.discs[0, :2], [1.0, -1.0], atol=1e-12)
         assert scene.path.sample(np.array([99.0]))[0, :2] == pytest.approx((-1.0, 0.0))
-
-
-def test_absent_data_is_said(tmp_path, monkeypatch):
-    with pytest.raises(DataError, match=r"dynabarn\.json is in none of"):
-        find_worlds(tmp_path)
-    monkeypatch.delenv("QPAVOID_DATA", raising=False)
-    with pytest.raises(DataError, match="--data"):
-        find_worlds(None)
 
 
 @pytest.mark.parametrize(

@@ -354,7 +354,7 @@ print("done")
 
 
 def in_package(folder, code, *given):
-    """What an interpreter prints that has the package of a folder, not that of here."""
+    """Output of an interpreter that has the package of a folder, not that of here."""
     environment = os.environ | {"PYTHONPATH": str(folder)}
     command = [sys.executable, "-P", "-c", code, *given]
     return subprocess.run(

@@ -72,18 +72,19 @@ def test_mppi_misses_nothing_that_it_can_reach(seed):
     assert np.ptp(first[:, 81]) > 0.0
 
 
-def planned(discs, driven=(0.5, 0.0)):
-    """Return the plan of one step, and its context."""
-    method, context = make("nmpc"), following(driven=driven)
+def planned(name, obstacles, **changes):
+    """Return the plan of one step, its method and the discs."""
+    method, context = make(name, **changes), following()
+    discs = wide_discs(obstacles, SETTINGS)
     reference = reference_ahead(context, ROBOT, method.stages, method.tick)
-    start = next(method.starts(None, reference, (0.5, 0.0)))
+    start = next(iter(method.starts(None, reference, (0.5, 0.0))))
     to = Situation((0.5, 0.0), context, discs)
-    return method, method.solve(start, reference, to)
+    return method.solve(start, reference, to), method, discs
 
 
 def test_nmpc_plan_is_a_motion_of_the_unicycle_and_keeps_its_distance():
-    discs = wide_discs(Obstacles(discs=[(2.0, 0.3, 0.3)]), SETTINGS)
-    method, plan = planned(discs)
+    there = Obstacles(discs=[(2.0, 0.3, 0.3)])
+    plan, method, _ = planned("nmpc", there)
     exact = np.array([HERE])
     for k, (v, omega) in enumerate(plan.twists):
         step = nmpc.driven_along(plan.twists[: k + 1], method.tick)[-1]
@@ -91,7 +92,6 @@ def test_nmpc_plan_is_a_motion_of_the_unicycle_and_keeps_its_distance():
         exact = np.vstack([exact, arc(*exact[-1], v, omega, method.tick)])
     assert plan.poses == pytest.approx(exact, abs=0.02)
     assert plan.slack.max() < 1e-3
-    there = Obstacles(discs=[(2.0, 0.3, 0.3)])
     for pose in plan.poses:
         assert clearance(there, tuple(pose)) > SETTINGS.radius.r_min_slow - 2e-3
 
@@ -122,16 +122,6 @@ def test_nmpc_brakes_where_the_solver_fails(monkeypatch):
 CROSSES = Obstacles(discs=[(2.0, -0.6, 0.3)], disc_velocities=[(-0.1, 0.3)])
 
 
-def planned_with_barriers(obstacles, **changes):
-    """Return the plan of one step, its method and the discs."""
-    method, context = make("mpc-cbf", **changes), following()
-    discs = wide_discs(obstacles, SETTINGS)
-    reference = reference_ahead(context, ROBOT, method.stages, method.tick)
-    (start,) = method.starts(None, reference, (0.5, 0.0))
-    to = Situation((0.5, 0.0), context, discs)
-    return method.solve(start, reference, to), discs
-
-
 def barriers(poses, disc, tick, count):
     """Least h of the body's discs after each stage."""
     times = tick * np.arange(len(poses))
@@ -147,7 +137,7 @@ def barriers(poses, disc, tick, count):
 @pytest.mark.parametrize("gamma", [0.1, 0.4])
 @pytest.mark.parametrize("count", [1, 2])
 def test_no_barrier_shrinks_faster_than_by_its_share(gamma, count):
-    plan, discs = planned_with_barriers(CROSSES, gamma=gamma, discs=count)
+    plan, _, discs = planned("mpc-cbf", CROSSES, gamma=gamma, discs=count)
     h = barriers(plan.poses, discs[0], 0.2, count)
     assert plan.slack.max() < 1e-3
     assert (h[:, 1:] - (1.0 - gamma) * h[:, :-1] > -2e-3).all()

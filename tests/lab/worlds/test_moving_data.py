@@ -201,12 +201,19 @@ def test_a_robot_takes_a_place(data_folder):
     assert 0.8 < row["length_m"] / np.hypot(*way.T).sum() < 1.2
 
 
-def test_absent_data_is_said(tmp_path, monkeypatch):
-    with pytest.raises(DataError, match="obsmat.*ETH.seq_eth"):
-        find_scene("eth", tmp_path)
+@pytest.mark.parametrize(
+    ("find", "said"),
+    [
+        (lambda data: find_scene("eth", data), "obsmat.*ETH.seq_eth"),
+        (dynabarn.find_worlds, r"dynabarn\.json is in none of"),
+    ],
+)
+def test_absent_data_is_said(tmp_path, monkeypatch, find, said):
+    with pytest.raises(DataError, match=said):
+        find(tmp_path)
     monkeypatch.delenv("QPAVOID_DATA", raising=False)
     with pytest.raises(DataError, match="--data"):
-        find_scene("eth", None)
+        find(None)
 
 
 def test_an_id_that_is_used_again_is_somebody_else(tmp_path):
