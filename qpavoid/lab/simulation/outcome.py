@@ -14,7 +14,7 @@ from qpavoid.types import Array, Pose, Twist
 if TYPE_CHECKING:
     from qpavoid.lab.simulation.log import Log
 
-NUMBERS = (
+MEASURES = (
     *("arrived_s", "time_s", "min_clearance_m", "start_clearance_m", "contacts_moving"),
     *("min_room_m", "max_error_m", "final_error_m", "final_heading_error_rad"),
     *("changed_s", "relaxed_s", "blocked_s", "still_s", "length_m", "jerk_mps3"),
@@ -27,7 +27,7 @@ long it had not come :data:`PROGRESS` far at the end, how far it drove, to and f
 mean jerk (:func:`mean_jerk`)."""
 
 Outcome: TypeAlias = dict[str, float]
-""":data:`NUMBERS` of a run."""
+""":data:`MEASURES` of a run."""
 
 CRAWL = 0.01
 """m/s; a robot none of whose points is faster stands."""
@@ -122,7 +122,7 @@ def outcome_of(log: "Log") -> Outcome:
         dt * np.abs(log["v_mps"]).sum(),
         mean_jerk(log["v_mps"], dt),
     )
-    return dict(zip(NUMBERS, map(float, row), strict=True))
+    return dict(zip(MEASURES, map(float, row), strict=True))
 
 
 LEAST = {"min_clearance_m", "min_room_m", "start_clearance_m"}
@@ -134,7 +134,7 @@ def worst_of(outcomes: Sequence[Outcome]) -> Outcome:
 
     Of several robots those that have arrived do not count as standing still.
     """
-    worst = {k: (min if k in LEAST else max)(x[k] for x in outcomes) for k in NUMBERS}
+    worst = {k: (min if k in LEAST else max)(x[k] for x in outcomes) for k in MEASURES}
     if len(outcomes) > 1:
         lost = [x["still_s"] for x in outcomes if x["arrived_s"] == math.inf]
         worst["still_s"] = max(lost, default=0.0)

@@ -29,7 +29,7 @@ from qpavoid.types import Array, Pose
 Cells: TypeAlias = npt.NDArray[np.bool_]
 
 MAP_FOLDERS = ("maps", "")
-MOST_PIXELS, MOST_WALLS, OPAQUE, DEEPEST = 16_000_000, 1_000_000, 255, 65_535
+MOST_PIXELS, MOST_WALLS, OPAQUE, OPAQUE_DEEP = 16_000_000, 1_000_000, 255, 65_535
 
 
 class MapFile(BaseModel):
@@ -161,7 +161,7 @@ def read_image(path: str | os.PathLike[str]) -> Array:
     if clear:
         raise DataError(f"{path}: transparent pixels have no brightness")
     brightness = pixels if pixels.ndim == 2 else pixels.mean(axis=2)
-    return np.asarray(brightness / (DEEPEST if deep else OPAQUE))
+    return np.asarray(brightness / (OPAQUE_DEEP if deep else OPAQUE))
 
 
 def map_digest(path: Path) -> str:

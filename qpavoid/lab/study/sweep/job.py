@@ -13,7 +13,7 @@ from qpavoid.lab.scenario.config import changed
 from qpavoid.lab.scenario.methods import solver_of
 from qpavoid.lab.scenario.scenario import Scenario, make_scenario
 from qpavoid.lab.simulation.outcome import (
-    NUMBERS,
+    MEASURES,
     finite,
     outcome_of,
     verdict,
@@ -66,7 +66,7 @@ class Job(NamedTuple):
             "success": False,
             "contact": False,
             "duration_s": None,
-            **dict.fromkeys(NUMBERS),
+            **dict.fromkeys(MEASURES),
             "error": error,
             **dict.fromkeys(CLOCK),
         }

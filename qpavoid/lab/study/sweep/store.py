@@ -18,7 +18,7 @@ from typing import Any
 from qpavoid.errors import DataError, MissingExtraError
 from qpavoid.files import read_bytes, reading
 from qpavoid.lab.simulation.log import provenance
-from qpavoid.lab.simulation.outcome import NUMBERS
+from qpavoid.lab.simulation.outcome import MEASURES
 from qpavoid.lab.study.sweep.job import CLOCK, Row
 
 try:
@@ -36,7 +36,7 @@ SCHEMA = pa.schema(
         *(("run", TEXT), ("scenario", TEXT), ("seed", pa.int64()), ("settings", TEXT)),
         *(("controller", TEXT), ("solver", TEXT), ("outcome", TEXT)),
         *(("success", pa.bool_()), ("contact", pa.bool_())),
-        *((name, NUMBER) for name in ("duration_s", *NUMBERS)),
+        *((name, NUMBER) for name in ("duration_s", *MEASURES)),
         *(("error", TEXT), *((name, NUMBER) for name in CLOCK)),
     ]
 )
