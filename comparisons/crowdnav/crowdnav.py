@@ -25,8 +25,8 @@ With ``METHOD@wide`` r_min is 0.10 to 0.25 m, else 0.05 to 0.10 m.
 
 With ``--reacting`` people see the robot (``crowdnav_reacting.py``), steered by ORCA or
 by the social force model; ``--people`` is their number in 64 m². The robot sees true
-discs. ``METHOD@still`` is ``qpavoid.Guide(yielding=True)``: no velocities, and filter
-and guide look 0.5 s ahead, not 3 s. It was chosen on 6 to 10 cases of ``val``.
+discs. ``METHOD@still`` has a guide with ``yielding``: no velocities, and filter and
+guide look 0.5 s ahead, not 3 s. It was chosen on 6 to 10 cases of ``val``.
 
     python comparisons/crowdnav/crowdnav.py --reacting orca --people 32,64,102,147 \
         --count 40 --methods qp-ahead+guide,qp-ahead+guide@still,mppi,orca,ttc,stop
@@ -51,7 +51,6 @@ from crowdnav_reacting import EFFECT
 from crowdnav_robots import FEET, Driven, Holonomic, Row
 from crowdnav_world import CASES, FIRST_SEED, RADIUS
 from qpavoid.errors import ConfigError, QPAvoidError
-from qpavoid.guide.guide import look_short
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.scenario.methods import check_methods
 from qpavoid.lab.sensing.lidar import LidarSettings
@@ -89,10 +88,9 @@ def episode(method: str, crowd: Crowd, case: int) -> Row:
         scene = make_scene(people, crowd.ticks, "wide" in variants)
         if "lidar" in variants:
             scene = replace(scene, lidar=LidarSettings(range=crowd.sight, seed=case))
-        if still := "still" in variants:
-            settings, guide = look_short(scene.settings, GuideSettings())
-            scene = replace(scene, settings=settings, guide=guide)
-        robot = Driven(name, crowd, people, scene, still)
+        if "still" in variants:
+            scene = replace(scene, guide=GuideSettings(yielding=True))
+        robot = Driven(name, crowd, people, scene)
     ends, event, intrusions = [people.start], "", 0
     for k in range(crowd.ticks):
         people.decide()

@@ -30,7 +30,6 @@ class Shown:
 
     velocities: Array  # (n, 2) m/s
     sight: float  # m from the robot's centre to a disc
-    still: bool = False  # whether all discs are shown at rest
 
     def start(self) -> Callable[[float, Obstacles, Pose], Obstacles]:
         """Return what sees."""
@@ -38,8 +37,7 @@ class Shown:
         def see(time: float, obstacles: Obstacles, pose: Pose) -> Obstacles:
             discs = obstacles.discs
             seen = Obstacles(discs=discs, disc_velocities=self.velocities)
-            seen = seen.seen_from(pose).within(self.sight)
-            return seen.at_rest() if self.still else seen
+            return seen.seen_from(pose).within(self.sight)
 
         return see
 
@@ -52,18 +50,12 @@ class Driven:
         crowd: The cases.
         people: Of the case.
         scene: Of the case; without a LiDAR the robot sees true discs.
-        still: Whether they are shown at rest.
     """
 
     def __init__(
-        self,
-        method: str,
-        crowd: Crowd,
-        people: People,
-        scene: Scenario,
-        still: bool = False,
+        self, method: str, crowd: Crowd, people: People, scene: Scenario
     ) -> None:
-        self._shown = Shown(people.before, crowd.sight, still)
+        self._shown = Shown(people.before, crowd.sight)
         if scene.lidar is None:
             scene = replace(scene, sensor=self._shown)
         self._simulation = Simulation(scene, method)

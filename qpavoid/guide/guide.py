@@ -15,7 +15,7 @@ from qpavoid.errors import InvalidInputError
 from qpavoid.guide.headway import AT_GOAL, Headway, lengths, moves_near, start_row
 from qpavoid.guide.rest import EXACT, JUMP, Bounds, Rest, beyond_band
 from qpavoid.guide.rollout import ROWS, TICK, fill_ahead
-from qpavoid.guide.settings import GuideSettings
+from qpavoid.guide.settings import GuideSettings, look_short
 from qpavoid.guide.sight import Sight
 from qpavoid.guide.stage import (
     ACTION,
@@ -71,10 +71,6 @@ CHANGED = 0.1
 its goal tries again."""
 
 
-SHORT = 0.5
-"""s; greatest horizon of filter and guide among people who give way."""
-
-
 class Asked(NamedTuple):
     """Task of a guide.
 
@@ -94,16 +90,6 @@ class Asked(NamedTuple):
         if off.shape == (3,):
             off[2] = abs(wrap_angle(off[2]))
         return bool((off <= SAME_PATH).all())
-
-
-def look_short(
-    settings: AvoidanceSettings, guide: GuideSettings
-) -> tuple[AvoidanceSettings, GuideSettings]:
-    """Return settings of filter and guide with horizons of at most :data:`SHORT`."""
-    ahead, still = settings.ahead, min(settings.ahead.horizon_still, SHORT)
-    ahead = replace(ahead, horizon=min(ahead.horizon, SHORT), horizon_still=still)
-    guide = replace(guide, horizon=min(guide.horizon, SHORT))
-    return replace(settings, ahead=ahead), guide
 
 
 def standing(pose: Pose | Array) -> Array:
@@ -188,9 +174,7 @@ class Guide:
         freshness: Greatest ages of the inputs of :meth:`step`, and when a fault ends.
         predict: Velocities of moving discs from their :class:`Tracks`, for the scores
             of candidates. Default: the measured ones, which the filter always uses.
-        yielding: Whether people give way to the robot. Guide and filter then take all
-            obstacles to be at rest, and look at most :data:`SHORT` ahead. Nothing is
-            guaranteed against obstacles that move.
+        yielding: Sets that of ``guide``.
 
     Attributes:
         robot: Footprint and limits.
@@ -208,10 +192,9 @@ class Guide:
         yielding: bool = False,
     ) -> None:
         self.robot = robot
-        self.settings = settings if settings is not None else AvoidanceSettings()
-        self._guide, self._yielding = guide or GuideSettings(), yielding
-        if yielding:
-            self.settings, self._guide = look_short(self.settings, self._guide)
+        settings, guide = settings or AvoidanceSettings(), guide or GuideSettings()
+        guide = replace(guide, yielding=True) if yielding else guide
+        self.settings, self._guide = look_short(settings, guide)
         self._sight = Sight(robot, perception, self.settings.dt)
         self._prediction = None
         if predict is not None:
@@ -521,7 +504,7 @@ class Guide:
         at, seen = as_pose(pose, "pose"), self._sight.see(pose, *given)
         if driven is not None:
             self._driven = as_driven(driven, self._limits)
-        rated = known = seen.at_rest() if self._yielding else seen
+        rated = known = seen.at_rest() if self._guide.yielding else seen
         if self._prediction is not None:
             rated = self._prediction.see(known, at, self._driven)
         before, self._pose = self._pose or at, at

@@ -1,12 +1,12 @@
 """Settings of the guide, and their record for compiled functions."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Annotated, ClassVar, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.settings import SafetyRadius
+from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.guide.local_grid import CELL
 from qpavoid.model.robot import Robot
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, Range, check, want
@@ -17,6 +17,9 @@ BACK_SPEED = 0.2
 
 MOST_REACH = 20.0
 """m; greatest ``reach``."""
+
+SHORT = 0.5
+"""s; greatest horizon of filter and guide among people who give way."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,9 @@ class GuideSettings:
         preference: Relative cost by which another candidate must be cheaper than
             tracking.
         clear: Margin on the whole path with which a goal at rest is tracked, m.
+        yielding: Whether people give way to the robot. Guide and filter then take all
+            obstacles to be at rest, and look at most 0.5 s ahead. Nothing is guaranteed
+            against obstacles that move: only among people who see the robot.
 
     Raises:
         InvalidInputError: Not in its range, or blocked_time not more than stall_time.
@@ -67,6 +73,7 @@ class GuideSettings:
     hysteresis: Annotated[float, SHARE] = 0.1
     preference: Annotated[float, SHARE] = 0.05
     clear: Annotated[float, "m", NOT_NEGATIVE] = 0.03
+    yielding: bool = False
 
     ORDERED: ClassVar = (("stall_time", "<", "blocked_time"),)
 
@@ -94,12 +101,27 @@ RECORD = record_type(
     (name, np.float64)
     for name in (
         *(item.name for item in fields(SafetyRadius)),
-        *(item.name for item in fields(GuideSettings)),
+        *(item.name for item in fields(GuideSettings) if item.name != "yielding"),
         "back_speed",
         "inner",
     )
 )
-"""All settings for compiled functions, as one record."""
+"""All settings for compiled functions but ``yielding``, as one record."""
 
 Settings: TypeAlias = Annotated[npt.NDArray[np.void], Record("guide_settings", RECORD)]
 """One of them, as :meth:`GuideSettings.record` returns it."""
+
+
+def look_short(
+    settings: AvoidanceSettings, guide: GuideSettings
+) -> tuple[AvoidanceSettings, GuideSettings]:
+    """Return settings of filter and guide, with ``yielding`` those of short horizons.
+
+    These are at most :data:`SHORT`.
+    """
+    if not guide.yielding:
+        return settings, guide
+    ahead, still = settings.ahead, min(settings.ahead.horizon_still, SHORT)
+    ahead = replace(ahead, horizon=min(ahead.horizon, SHORT), horizon_still=still)
+    guide = replace(guide, horizon=min(guide.horizon, SHORT))
+    return replace(settings, ahead=ahead), guide

@@ -146,8 +146,10 @@ class Guard:
         self.safety = SafetyFilter(setup.robot, setup.settings)
         leads = wired.role == "guide"
         if leads or setup.drive.mode == "teleop":
-            never = {"stall_time": NO_STALL, "blocked_time": 2.0 * NO_STALL}
-            patience = setup.guide if leads else replace(setup.guide, **never)
+            patience = setup.guide
+            if not leads:
+                never = {"stall_time": NO_STALL, "blocked_time": 2.0 * NO_STALL}
+                patience = replace(patience, **never, yielding=False)
             # Of scans stamped by their first beam, and of tracks; both are monitored.
             most = max(fresh.points, fresh.discs) + messages.MOST_SPAN
             ages = replace(fresh, points=most)

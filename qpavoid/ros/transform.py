@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from qpavoid.settings import want
 from qpavoid.types import Array
@@ -29,15 +30,9 @@ class Transform(NamedTuple):
             InvalidInputError: Not finite, or the quaternion is 0.
         """
         numbers = np.array([*place, *turn])
-        length = float(np.hypot.reduce(numbers[3:]))
-        want(bool(np.isfinite(numbers).all()) and length > 0.0, "a frame needs numbers")
-        x, y, z, w = numbers[3:] / length
-        axis, cross = (
-            np.array([x, y, z]),
-            np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]),
-        )
-        rotation = (w * w - axis @ axis) * np.eye(3) + 2.0 * np.outer(axis, axis)
-        return cls(rotation + 2.0 * w * cross, numbers[:3])
+        known = bool(np.isfinite(numbers).all()) and bool(numbers[3:].any())
+        want(known, "a frame needs numbers")
+        return cls(Rotation.from_quat(numbers[3:]).as_matrix(), numbers[:3])
 
     @classmethod
     def of_angles(cls, numbers: Sequence[float]) -> "Transform":
@@ -52,11 +47,8 @@ class Transform(NamedTuple):
         said = f"an angle of a frame is {most:g} rad; {most:g} degrees are"
         said = f"{said} {math.radians(most):.4g} rad"
         want(abs(most) <= MOST_ANGLE, said)
-        (p, q, r), (a, b, c) = np.cos(angles), np.sin(angles)
-        roll = np.array([[1, 0, 0], [0, p, -a], [0, a, p]])
-        pitch = np.array([[q, 0, b], [0, 1, 0], [-b, 0, q]])
-        yaw = np.array([[r, -c, 0], [c, r, 0], [0, 0, 1]])
-        return cls(yaw @ pitch @ roll, np.array([x, y, z]))
+        rotation = Rotation.from_euler("xyz", angles)
+        return cls(rotation.as_matrix(), np.array([x, y, z]))
 
     def apply(self, points: Array) -> Array:
         """Return points (N, 3) of the frame in the other one, m."""

@@ -95,6 +95,17 @@ def test_a_goal_in_a_closed_room_is_blocked_and_said():
     assert not loop.guard.has_arrived and loop.least.min() > 0.07
 
 
+def test_among_people_who_give_way_it_does_not_retreat():
+    """Somebody walks up to the robot at its station, and stops before it."""
+    backs = []
+    for yielding in (False, True):
+        guard = guarded({"role": "guide"}, guide__yielding=yielding)
+        loop = Loop(guard, ROOM, [(3.0, 0.0, 0.3, -0.8, 0.0)])
+        loop.run(2.5)
+        backs.append(-min(step.v for step in loop.steps))
+    assert backs[0] > 0.3 and backs[1] < 0.01
+
+
 def operated(walls=ROOM, people=(), pose=(-3.0, 0.0, 0.0), v=0.8, **wiring):
     mode = wiring.pop("mode", "teleop")
     loop = Loop(guarded(wiring, drive__mode=mode), walls, people, pose)

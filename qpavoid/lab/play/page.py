@@ -75,8 +75,8 @@ NOT_PLAYED = ("sight_m", "localisation", "plant", "robots")
 NOT_MEASURED = {"fade": "fade", "sweep": "sweep_s", "delay": "delay_s"}
 """Settings of a LiDAR, and their keys: here scans are taken at once."""
 
-STICKING = "v_dead", "omega_dead"
-"""Limits that are no numbers of the compiled functions: the page's motors move."""
+NOT_COMPILED = "v_dead", "omega_dead", "yielding"
+"""Settings that are no numbers of the compiled functions."""
 
 
 def place(layout: np.dtype[Any], field: str) -> int:
@@ -220,6 +220,7 @@ def scene(config: str, data: str | None = None) -> dict[str, Any]:
         "left_out": [
             *(key for key in NOT_PLAYED if key in document),
             *({*document.get("lidar", {})} & {*NOT_MEASURED.values()}),
+            *({*document.get("guide", {})} & {"yielding"}),
         ],
         "dt": made.dt,
         "duration": made.duration,
@@ -272,7 +273,7 @@ def entries(section: str, kind: type[Any]) -> Iterator[dict[str, Any]]:
     for setting in declared(kind):
         if setting.name in NOT_MEASURED and section == "lidar":
             continue
-        if setting.name in STICKING:
+        if setting.name in NOT_COMPILED:
             continue
         names = RECORD_NAMES.get(setting.name, (setting.name,))
         if section != "margins" and setting.name == "acceleration":
@@ -332,7 +333,7 @@ def values_of(made: Scenario) -> dict[str, Any]:
     for section, kind in SECTIONS.items():
         own = parts.get(section, getattr(made.settings, section, made.settings))
         for setting in declared(kind):
-            if hasattr(own, setting.name):
+            if hasattr(own, setting.name) and setting.name not in NOT_COMPILED:
                 values = setting.of(getattr(own, setting.name))
                 pairs = zip(setting.keys, values, strict=False)
                 found |= {f"{section}.{key}": value for key, value in pairs}

@@ -10,7 +10,7 @@ from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import BLOCKED, Decision
 from qpavoid.guide.guide import PathTracking
-from qpavoid.guide.settings import GuideSettings
+from qpavoid.guide.settings import GuideSettings, look_short
 from qpavoid.guide.stage import NO_PATH, GuideStage
 from qpavoid.lab.planning.planner import Planner, PlanningProblem, standing
 from qpavoid.lab.scenario.methods import find_method, make_controller
@@ -168,8 +168,11 @@ class Simulation:
         self, scenario: Scenario, controller: Any, solver: str = "exact"
     ) -> None:
         found = find_method(controller)
-        if found.guided and scenario.guide is None:
-            scenario = replace(scenario, guide=GuideSettings())
+        guide = scenario.guide or (GuideSettings() if found.guided else None)
+        self._yields = guide is not None and guide.yielding
+        if guide is not None:
+            settings, guide = look_short(scenario.settings, guide)
+            scenario = replace(scenario, settings=settings, guide=guide)
         robot, settings = scenario.robot, scenario.settings
         method = make_controller(found.controller, robot, settings, solver)
         self._setup = Setup.of(robot, settings)
@@ -196,6 +199,7 @@ class Simulation:
     def decide(self, time: float, obstacles: Obstacles) -> Move:
         """Look at obstacles, world frame, and decide what to drive."""
         seen = self._see(time, obstacles, self.pose)
+        seen = seen.at_rest() if self._yields else seen
         desired, blocked, spent = self._guide(time, seen)
         here, target = self._believed, self._path.target
         error = tracking_error(here, target[:3])

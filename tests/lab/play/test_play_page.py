@@ -344,6 +344,8 @@ def test_what_is_not_played_is_said(config):
     assert scene(str(config))["left_out"] == ["sight_m"]
     config.write_text(PARKED + "[lidar]\nfade = 0.1\n")
     assert scene(str(config))["left_out"] == ["fade"]
+    config.write_text(PARKED + "[guide]\nyielding = true\n")
+    assert scene(str(config))["left_out"] == ["yielding"]
 
 
 def test_data_cannot_leave_its_place_in_the_page():

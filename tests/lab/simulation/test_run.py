@@ -28,6 +28,7 @@ from qpavoid.model.contacts import empty_contacts
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
+from scenario_files import write
 
 CONTROLLERS = ("eq5", "eq7", "qp", "qp-ahead")
 CASES = ("paper/test_case_1", "paper/test_case_2")
@@ -250,3 +251,28 @@ def test_a_row_says_how_it_began_and_what_a_step_took(name):
     assert row["contacts_moving"] == 0.0
     assert row["contact"] == (name == "stop")
     assert 0.0 < row["solve_us"] < 1e5
+
+
+APPROACHED = """
+title = "somebody walks up to a robot at its place"
+duration_s = 4.0
+dt_s = 0.05
+[reference]
+kind = "station"
+pose = { x_m = 0.0, y_m = 0.0 }
+[[obstacles]]
+kind = "disc"
+position_m = [4.0, 0.0]
+velocity_mps = [-0.8, 0.0]
+radius_m = 0.3
+[guide]
+"""
+
+
+def test_among_people_who_give_way_a_guided_robot_does_not_retreat(tmp_path):
+    """The premise is the scenario's: this person does not."""
+    wary, bold = (
+        run(load_scenario(write(tmp_path, APPROACHED + key)), "qp-ahead")
+        for key in ("", "yielding = true")
+    )
+    assert wary["v_mps"].min() < -0.3 and bold["v_mps"][:50].min() > -0.01
