@@ -18,7 +18,7 @@ BACK_SPEED = 0.2
 MOST_REACH = 20.0
 """m; greatest ``reach``."""
 
-SHORT = 0.5
+SHORT_HORIZON = 0.5
 """s; greatest horizon of filter and guide among people who give way."""
 
 
@@ -117,11 +117,13 @@ def look_short(
 ) -> tuple[AvoidanceSettings, GuideSettings]:
     """Return settings of filter and guide, with ``yielding`` those of short horizons.
 
-    These are at most :data:`SHORT`.
+    These are at most :data:`SHORT_HORIZON`.
     """
     if not guide.yielding:
         return settings, guide
-    ahead, still = settings.ahead, min(settings.ahead.horizon_still, SHORT)
-    ahead = replace(ahead, horizon=min(ahead.horizon, SHORT), horizon_still=still)
-    guide = replace(guide, horizon=min(guide.horizon, SHORT))
+    ahead, still = settings.ahead, min(settings.ahead.horizon_still, SHORT_HORIZON)
+    ahead = replace(
+        ahead, horizon=min(ahead.horizon, SHORT_HORIZON), horizon_still=still
+    )
+    guide = replace(guide, horizon=min(guide.horizon, SHORT_HORIZON))
     return replace(settings, ahead=ahead), guide

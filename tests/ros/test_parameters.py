@@ -60,7 +60,7 @@ def test_values_are_set_and_refused_by_name():
             {"radius.r_min_slow_m": -1.0},
             "radius: a safety radius needs r_min_slow >= 0",
         ),
-        ({"filter.gamma_per_s": 100.0}, r"filter: gamma \* dt = 5 > 1"),
+        ({"filter.gamma_per_s": 100.0}, r"filter: settings need gamma \* dt <= 1"),
         ({"filter.bound": "none"}, "to be one of barrier, repulsion"),
         ({SHAPE: "[[1, 2], [3]]"}, "robot.footprint_m: "),
         ({SHAPE: "[[0, 0], [1, 0], [0, 1]"}, "robot.footprint_m: "),
