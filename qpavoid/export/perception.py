@@ -21,14 +21,7 @@ from qpavoid.perception.perception import (
 from qpavoid.perception.scan import BEAM_COS, BEAM_SIN, BEAM_WIDTH, RAY_SIZE
 from qpavoid.perception.settings import Lidar, PerceptionSettings
 from qpavoid.perception.tracks import MOST_TRACKS
-from qpavoid.perception.update import (
-    Found,
-    Memory,
-    Model,
-    Scan,
-    obstacles_at,
-    perceive,
-)
+from qpavoid.perception.update import Found, Memory, Model, Scan, obstacles_at, perceive
 
 PERCEPTION_FILES = ("qpavoid_perception.h", "qpavoid_perception.c", "perceive.c")
 

@@ -5,12 +5,7 @@ from dataclasses import dataclass
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.lab.baselines.drive import Baseline, Command
-from qpavoid.model.contacts import (
-    CONTACT,
-    CONTACT_SIZE,
-    contact_table,
-    empty_contacts,
-)
+from qpavoid.model.contacts import CONTACT, CONTACT_SIZE, contact_table, empty_contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.types import Twist, Vector
 

@@ -20,15 +20,7 @@ from qpavoid.lab.baselines.drive import (
 )
 from qpavoid.model.contact import point_contact
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.types import (
-    Array,
-    Discs,
-    Edges,
-    Matrix,
-    MatrixWritten,
-    Sizes,
-    Twist,
-)
+from qpavoid.types import Array, Discs, Edges, Matrix, MatrixWritten, Sizes, Twist
 
 PERIOD = 0.1
 """s; period of planning."""

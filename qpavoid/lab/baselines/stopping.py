@@ -14,10 +14,7 @@ from qpavoid.model.capsules import RADIUS, Segment, capsule_at, has_length
 from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import (
-    limits_of,
-    stopping_time,
-)
+from qpavoid.model.robot import limits_of, stopping_time
 from qpavoid.types import Arrays, Twist
 
 ROUNDING = 1e-9

@@ -9,15 +9,10 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.compiled import compiled, compiled_once, entry
-from qpavoid.lab.baselines.drive import (
-    Baseline,
-    Command,
-    line_points,
-    reference_ahead,
-)
+from qpavoid.lab.baselines.drive import Baseline, Command, line_points, reference_ahead
 from qpavoid.model.kinematics import TINY, wrap_angle
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.types import Array, Matrix, Sizes, Twist, Vector, VectorWritten
+from qpavoid.types import Matrix, Sizes, Twist, Vector, VectorWritten
 
 SECTORS = 72
 """Number of sectors, of 5° each."""
@@ -184,7 +179,9 @@ class HistogramController(Baseline):
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
-        histogram, radius = np.zeros(SECTORS), self._circle()
+        footprint, histogram = self.robot.footprint, np.zeros(SECTORS)
+        inner, outer = max(footprint.inner_radius, 0.0), footprint.circumradius
+        radius = inner * (1.0 - self.radius) + self.radius * outer + self.margin
         blocked, last = np.zeros(SECTORS, dtype=np.bool_), -1.0
         width, limits = 2.0 * math.pi / SECTORS, self.robot.limits
 
@@ -196,7 +193,9 @@ class HistogramController(Baseline):
             away, ahead = math.hypot(x, y), context.pose[2] / width
             target = (ahead + math.atan2(y, x) / width) % SECTORS
             window = min(self.window, math.hypot(*context.goal[:2]) + radius)
-            cells = grid_cells(obstacles)
+            lines = line_points(obstacles, CELL)[:, :2]
+            points = np.pad(np.vstack([obstacles.points, lines]), ((0, 0), (0, 1)))
+            cells = np.ascontiguousarray(np.vstack([points, obstacles.discs]))
             polar_histogram(cells, radius, window, context.pose[2], histogram)
             # Hysteresis: else a robot would oscillate at the threshold.
             blocked[:] = histogram >= np.where(blocked, self.low, self.high)
@@ -218,19 +217,6 @@ class HistogramController(Baseline):
             return Command((pace * max(0.0, math.cos(angle)), self.turn * angle))
 
         return self.stepping((v, omega), plan)
-
-    def _circle(self) -> float:
-        """Return the radius of the robot with its margin, m."""
-        footprint = self.robot.footprint
-        inner, outer = footprint.inner_radius, footprint.circumradius
-        return max(inner, 0.0) * (1.0 - self.radius) + self.radius * outer + self.margin
-
-
-def grid_cells(obstacles: Obstacles) -> Array:
-    """Return all obstacles as cells (n, 3): x, y, radius, m; lines as many points."""
-    points = np.vstack([obstacles.points, line_points(obstacles, CELL)[:, :2]])
-    cells = np.vstack([np.pad(points, ((0, 0), (0, 1))), obstacles.discs])
-    return np.ascontiguousarray(cells)  # vstack keeps the order of columns
 
 
 def sector(direction: float) -> int:

@@ -157,7 +157,9 @@ class Lidar:
         while len(self._scans) > 1 and self._scans[1][0] <= known:
             self._scans.popleft()
         self.taken, self.pose, self.last = self._scans[0]
-        echoes = Obstacles(self._echoes(self.pose, self.last))
+        echo = np.isfinite(self.last)
+        places = self.last[echo, None] * self._beams[echo]
+        echoes = Obstacles(to_world(places, self._sensor(self.pose)))
         return echoes.seen_from(pose).points
 
     def ranges(
@@ -186,7 +188,21 @@ class Lidar:
             share = 0.5 * (low + high) / s.beams - 0.5
             seen = world(first + s.sweep * share)
             parts.append(self.ranges(*seen, slice(low, high)))
-        return self._measure(np.concatenate(parts))
+        ranges = np.concatenate(parts)
+        # Noise is drawn for every beam, with an echo or without, so that beams are
+        # independent of each other.
+        none, lost = ranges >= s.range, np.full(len(ranges), s.dropout)
+        if s.fade and len(ranges) > 1:
+            step = s.field_of_view / s.beams
+            tan = np.gradient(ranges, step) / np.maximum(ranges, 0.1)
+            fade = s.fade * ranges / s.range
+            lost = 1.0 - (1.0 - lost) * np.exp(-fade * np.hypot(1.0, tan))
+        if s.noise:
+            noise = self._random.standard_normal(len(ranges))
+            ranges = np.maximum(ranges + s.noise * noise, 0.0)
+        if s.dropout or s.fade:
+            none |= self._random.random(len(ranges)) < lost
+        return np.where(none, np.inf, ranges)
 
     def _sensor(self, pose: Pose) -> Pose:
         (x, y, heading), (ahead, left, turned) = pose, self.settings.mount
@@ -196,28 +212,6 @@ class Lidar:
             y + sin * ahead + cos * left,
             heading + turned,
         )
-
-    def _measure(self, ranges: Array) -> Array:
-        """Return ranges with noise; ``inf`` without an echo or after a dropout."""
-        # Noise is drawn for every beam, with an echo or without, so that beams are
-        # independent of each other.
-        none = ranges >= self.settings.range
-        lost: float | Array = self.settings.dropout
-        if self.settings.fade and len(ranges) > 1:
-            step = self.settings.field_of_view / self.settings.beams
-            tan = np.gradient(ranges, step) / np.maximum(ranges, 0.1)
-            fade = self.settings.fade * ranges / self.settings.range
-            lost = 1.0 - (1.0 - lost) * np.exp(-fade * np.hypot(1.0, tan))
-        if self.settings.noise:
-            noise = self._random.standard_normal(len(ranges))
-            ranges = np.maximum(ranges + self.settings.noise * noise, 0.0)
-        if self.settings.dropout or self.settings.fade:
-            none |= self._random.random(len(ranges)) < lost
-        return np.where(none, np.inf, ranges)
-
-    def _echoes(self, pose: Pose, ranges: Array) -> Array:
-        echo = np.isfinite(ranges)
-        return to_world(ranges[echo, None] * self._beams[echo], self._sensor(pose))
 
 
 Sensor: TypeAlias = Callable[[float, Obstacles, Pose], Obstacles]

@@ -26,12 +26,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from qpavoid.errors import MissingExtraError
-from qpavoid.lab.sensing.plant import (
-    Drive,
-    twist_between,
-    wheel_speeds,
-    wheel_twist,
-)
+from qpavoid.lab.sensing.plant import Drive, twist_between, wheel_speeds, wheel_twist
 from qpavoid.settings import FINITE, NOT_NEGATIVE, POSITIVE, Range, check, want
 from qpavoid.types import Pose, Twist
 

@@ -11,14 +11,7 @@ from qpavoid.model.capsules import are_as_many, in_robot_frame
 from qpavoid.model.contacts import CONTACT, CONTACT_SIZE, contact_table, most_contacts
 from qpavoid.model.kinematics import integrate
 from qpavoid.model.robot import limits_of
-from qpavoid.types import (
-    Arrays,
-    ArraysWritten,
-    LimitVector,
-    Pose,
-    Twist,
-    VectorWritten,
-)
+from qpavoid.types import Arrays, ArraysWritten, LimitVector, Pose, Twist, VectorWritten
 
 
 class Motion(NamedTuple):

@@ -13,11 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from qpavoid.errors import (
-    DataError,
-    MissingExtraError,
-    UnknownNameError,
-)
+from qpavoid.errors import DataError, MissingExtraError, UnknownNameError
 from qpavoid.files import MOST_UNPACKED, below, open_file, reading
 from qpavoid.ros.messages import seconds
 from qpavoid.ros.parameters import Wiring

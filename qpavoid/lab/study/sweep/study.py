@@ -15,18 +15,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from qpavoid.errors import ConfigError
-from qpavoid.lab.scenario.config import (
-    find_config,
-    read_document,
-    validated,
-)
+from qpavoid.lab.scenario.config import find_config, read_document, validated
 from qpavoid.lab.scenario.keys import Strict
-from qpavoid.lab.scenario.methods import (
-    REGISTRY,
-    own_file,
-    parsed,
-    with_back_end,
-)
+from qpavoid.lab.scenario.methods import REGISTRY, own_file, parsed, with_back_end
 from qpavoid.lab.scenario.plug_ins import search_too
 from qpavoid.lab.study.sweep.job import Job
 from qpavoid.lab.study.sweep.sources import (
