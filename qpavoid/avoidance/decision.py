@@ -40,7 +40,10 @@ SENTENCES = {
         "No admissible twist keeps all required distances; the one with the least "
         "violation is driven."
     ),
-    Status.STOPPED: "The solver's answer failed its check; the robot brakes.",
+    Status.STOPPED: (
+        "The solver's answer failed its check; a plan without it is driven, or the "
+        "robot brakes."
+    ),
     Status.REPELLED: "The repulsive velocity is added to the desired twist.",
     Status.SINGULAR: (
         "The law is singular at this contact; the repulsion is left out."
@@ -51,7 +54,8 @@ SENTENCES = {
     Status.BLOCKED: "No path was found; the robot holds and needs a new plan.",
     Status.STEERED: "The method drives a twist of its own instead of the desired one.",
     Status.PLANNED: (
-        "No QP solution keeps the required distances; a plan that does is driven."
+        "The last plan, or one of two twists, is driven instead of a QP solution; it "
+        "keeps the required distances."
     ),
     Status.HOLDING: ("No other motion is known to be safe; the robot holds still."),
     Status.INVALID: (

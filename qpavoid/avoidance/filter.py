@@ -254,11 +254,12 @@ class SafetyFilter:
     are those of future distances, d_k(u) ≥ r_min, linearised about the solution
     (:mod:`qpavoid.avoidance.proposals`).
 
-    A twist is driven only as the beginning of a plan verified to keep the required
-    distances until the robot stands still (:mod:`qpavoid.avoidance.verdict`). Otherwise
-    the fallbacks are, in this order: ``planned``, a plan of two twists; ``relaxed``,
-    the least violation; ``braking`` along the arc at full deceleration; ``holding``.
-    The desired twist is never passed on unchecked.
+    A twist is driven as the beginning of a plan verified to keep the required distances
+    until the robot stands still (:mod:`qpavoid.avoidance.verdict`). If there is none,
+    the plan with the largest margin is driven, of a search of plans of two twists, the
+    rest of the last plan, and braking: ``planned`` if it keeps them after all,
+    ``relaxed`` if not, ``braking`` or ``holding`` if it is braking. The desired twist
+    is never passed on unchecked.
 
     The filter stores the last twist and its plan: one filter per robot, used by one
     thread until :meth:`reset`.

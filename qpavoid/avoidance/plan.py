@@ -346,10 +346,9 @@ oldest ramps."""
 FilterState: TypeAlias = Annotated[Vector, Sizes(STATE_SIZE)]
 FilterStateWritten: TypeAlias = Annotated[VectorWritten, Sizes(STATE_SIZE)]
 
-AS_COMMANDED, PROPOSED, SEARCHED, CARRIED, BRAKED = 0, 1, 2, 3, 4
-"""Modes, how a plan was found: the command; a QP's proposal; the best one of a search
-of plans of two twists; the rest of the last plan; braking, the best one of the
-fallback."""
+AS_COMMANDED, PROPOSED, SEARCHED, BRAKED = 0, 1, 2, 3
+"""Modes, how a plan was found: the command; a QP's proposal; a search of plans of two
+twists, or the rest of the last plan; braking, the best one of the fallback."""
 
 
 def fresh_state() -> Array:
@@ -371,18 +370,21 @@ def plan_of(k: Kept) -> Plan:
 
 
 @compiled_once
-def keep_plan(state: Array, twist: Pair, plan: Plan, until: float, dt: float) -> None:
+def keep_plan(
+    state: Array, twist: Pair, plan: Plan, mode: int, until: float, dt: float
+) -> None:
     """Store the driven twist and the rest of its plan after this step.
 
     Args:
         state: Updated.
         twist: Driven.
         plan: Plan that the twist begins.
+        mode: How it was found.
         until: Time up to which the plan is clear of moving bodies, s.
         dt: Control step, s.
     """
     kept = state[:PENDING].view(KEPT)[0]
-    kept.v, kept.omega = twist
+    (kept.v, kept.omega), kept.mode = twist, mode
     kept.plan_v, kept.plan_omega = plan.v, plan.omega
     kept.switch, kept.end = max(plan.switch - dt, 0.0), max(plan.end - dt, 0.0)
     kept.v_then, kept.omega_then = plan.v_then, plan.omega_then

@@ -88,9 +88,9 @@ class Query(NamedTuple):
         desired: The command; with look-ahead clipped to the limits.
         predicted: Memory of the predicted contacts.
         closer: Memory of :func:`qpavoid.avoidance.selection.at_min_clearance`.
-        rows: Memory of the QP; the first ``separating`` rows are filled in.
-        separating: Rows of the present: with look-ahead of static obstacles inside
-            r_min only, without it of all obstacles in reach.
+        rows: Memory of the QP; the first ``present`` rows are filled in.
+        present: Number of rows of the present: with look-ahead of static obstacles
+            inside r_min only, without it of all obstacles in reach.
         slack_tolerance: See :func:`qpavoid.qp.exact.relaxation`.
         ahead: Whether with look-ahead.
     """
@@ -101,7 +101,7 @@ class Query(NamedTuple):
     predicted: Table
     closer: Table
     rows: Array
-    separating: int
+    present: int
     slack_tolerance: float
     ahead: bool
 
@@ -274,7 +274,7 @@ def linearised_rows(
 ) -> int:
     """Fill in the rows margin + ∇d·(u − ū) ≥ :data:`ROW_ROOM`, m; return all rows.
 
-    Their number includes the separating ones. ū is ``about``, of the rollout. One row
+    Their number includes those of the present. ū is ``about``, of the rollout. One row
     per side with a margin below :data:`ROW_WITHIN`, including that of the violation
     ``met``, which may lie between two ticks.
     """
@@ -286,7 +286,7 @@ def linearised_rows(
         body = scene.bodies[met.body]
         note_contact(scene, met.body, body, met.time, then, predicted)
     fill_slopes(rollout, scene.settings[0].dt)
-    arcs, dt, count = rollout.arcs, scene.settings[0].dt, query.separating
+    arcs, dt, count = rollout.arcs, scene.settings[0].dt, query.present
     for i in range(predicted.shape[0]):
         one = predicted[i]
         if one.margin >= ROW_WITHIN:
@@ -347,7 +347,7 @@ class Proposal(NamedTuple):
         about: Twist about which the QP was linearised.
         met: Violation along the rollout of ``about``.
         trust: Half-widths of the trust region about ``about``.
-        ahead: Whether the QP has linearised rows.
+        linearised: Whether the QP has rows of future distances.
     """
 
     twist: Pair
@@ -355,7 +355,7 @@ class Proposal(NamedTuple):
     about: Pair
     met: Violation
     trust: Pair
-    ahead: bool
+    linearised: bool
 
 
 WHOLE, POINT = (math.inf, math.inf), (0.0, 0.0)
@@ -377,7 +377,7 @@ def row_violation(query: Query, twist: Pair) -> float:
     """Return the greatest violation of the rows of the present, m/s; 0: by rounding."""
     rows, least = query.rows, RESIDUAL_TOLERANCE * SEPARATION
     missing = least
-    for i in range(query.separating if query.ahead else 0):
+    for i in range(query.present if query.ahead else 0):
         given = rows[i, A_V] * twist[0] + rows[i, A_OMEGA] * twist[1]
         missing = max(missing, rows[i, B] - given)
     return missing / SEPARATION if missing > least else 0.0
@@ -413,7 +413,7 @@ class Problem(NamedTuple):
     """A QP: its rows are the first of the memory.
 
     Attributes:
-        m: Number of rows: separating, linearised, and the wheels' hard ones.
+        m: Number of rows: of the present, linearised, and the wheels' hard ones.
         terms: The rest of the problem.
     """
 
@@ -424,8 +424,8 @@ class Problem(NamedTuple):
 @compiled_once
 def qp_of(scene: Scene, query: Query, proposal: Proposal) -> Problem:
     """Fill in the rows of a proposal's QP."""
-    count = query.separating
-    if proposal.ahead:
+    count = query.present
+    if proposal.linearised:
         rollout = rollout_of(scene, proposal.about)
         count = linearised_rows(scene, query, rollout, proposal.about, proposal.met)
     return with_limits(scene, query, proposal, count)
@@ -570,7 +570,9 @@ def best_proposal(scene: Scene, query: Query, kept: Row) -> Proposal:
 @compiled
 def at_cost(found: Proposal, cost: float) -> Proposal:
     """Return a proposal with another cost."""
-    return Proposal(found.twist, cost, found.about, found.met, found.trust, found.ahead)
+    return Proposal(
+        found.twist, cost, found.about, found.met, found.trust, found.linearised
+    )
 
 
 @compiled_once

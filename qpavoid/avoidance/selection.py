@@ -30,7 +30,6 @@ from qpavoid.avoidance.margin import (
 from qpavoid.avoidance.plan import (
     AS_COMMANDED,
     BRAKED,
-    CARRIED,
     PROPOSED,
     SEARCHED,
     Plan,
@@ -179,7 +178,7 @@ class Choice(NamedTuple):
     Attributes:
         plan: Its first twist is driven.
         mode: How it was found; see :mod:`qpavoid.avoidance.plan`.
-        until: s for which the margins of moving bodies were checked.
+        until: Time up to which the plan was found clear of moving bodies, s.
         margins: Of the plan; clear if both are at least −ε.
         proposal: QP whose solution the plan holds; of cost ``inf``: none.
         owner: Obstacle that the command violates, or −1.
@@ -197,7 +196,7 @@ class Choice(NamedTuple):
 def select(scene: Scene, query: Query, kept: Row) -> Choice:
     """Return the plan driven, with look-ahead."""
     none, horizon = unsolved(query.desired, WHOLE, False), scene.settings[0].horizon
-    command = solved(scene, query, none, query.separating)
+    command = solved(scene, query, none, query.present)
     body = violation_by(scene, rollout_of(scene, command.twist)).body
     if body < 0:
         plan = clear_plan(scene, command.twist)
@@ -214,7 +213,7 @@ def select(scene: Scene, query: Query, kept: Row) -> Choice:
             return clear_choice(scene, plan, PROPOSED, horizon, best, owner)
     if goes_on or (best.cost < math.inf and carries_on(scene, kept)):
         plan = plan_of(kept)
-        return clear_choice(scene, plan, CARRIED, kept.until, none, owner)
+        return clear_choice(scene, plan, SEARCHED, kept.until, none, owner)
     return fallback(scene, query, kept, owner)
 
 
@@ -242,7 +241,7 @@ def select_now(scene: Scene, query: Query, kept: Row) -> Choice:
         if size < math.inf:
             trust = (size * abs(v - target[0]), size * abs(omega - target[1]))
             found = unsolved(target, trust, False)
-        found = solved(scene, query, found, query.separating)
+        found = solved(scene, query, found, query.present)
         if found.cost == math.inf:
             break
         plan = hold(found.twist[0], found.twist[1], s.dt)

@@ -21,6 +21,7 @@ from qpavoid.avoidance.bodies import (
     bodies_in_reach,
     look_box,
     threshold,
+    with_bodies,
 )
 from qpavoid.avoidance.cbf_rows import (
     BARRIER,
@@ -207,15 +208,13 @@ def workspace_in(
 
 
 @compiled
-def new_scene(
-    setup: Setup, state: Array, space: Workspace, count: int, clearance: float
-) -> Scene:
-    """Return the scene of a control step with so many bodies."""
+def new_scene(setup: Setup, state: Array, space: Workspace, clearance: float) -> Scene:
+    """Return the scene of a control step, with memory for the bodies."""
     (edges, robot, settings), s = setup, setup.settings[0]
     last, pending = (state[0], state[1]), pending_sums(settings, state)
     longest = s.dt * (1.0 + s.jitter)
     # fmt: off
-    return Scene(edges, robot, settings, space.bodies[:count], last, pending,
+    return Scene(edges, robot, settings, space.bodies, last, pending,
                  space.arcs, space.groups, longest, 0.0, clearance)
     # fmt: on
 
@@ -314,10 +313,10 @@ def filter_outcome(
     barrier, age, count = s.bound == BARRIER, request.age, 0
     ahead = request.ahead and barrier
     old = barrier and is_too_old(contacts, settings, age)
-    scene = new_scene(setup, state, space, most, clearance)
+    scene = new_scene(setup, state, space, clearance)
     if barrier and not old:
         count = bodies_in_reach(scene, obstacles, age, s.horizon if ahead else 0.0)
-    scene = new_scene(setup, state, space, count, clearance)
+    scene = with_bodies(scene, space.bodies[:count], 0.0)
     query = query_of(scene, request, space, contacts, ahead)
     kept = state[:PENDING].view(KEPT)[0]
     if old:
@@ -328,7 +327,13 @@ def filter_outcome(
         choice = select(scene, query, kept)
     else:
         choice = select_now(scene, query, kept)
-    return finished(scene, query, choice, answer, space, state)
+    qp = certified(scene, query, choice, answer, space)
+    if not qp.holds:
+        choice = fallback(scene, query, kept, -1)
+        qp = Certified(False, qp.twist, 0.0, qp.residual, -1, -1)
+    elif is_answered(answer) and choice.proposal.cost < math.inf:
+        choice = answered_by(scene, query, choice, qp.twist)
+    return finished(scene, query, choice, qp, state)
 
 
 @compiled_once
@@ -353,62 +358,85 @@ def query_of(
     return Query(box, command, desired, predicted, closer, rows, m, slack, ahead)
 
 
-@compiled_once
-def finished(
-    scene: Scene,
-    query: Query,
-    choice: Choice,
-    answer: Pair,
-    space: Workspace,
-    state: Array,
-) -> Outcome:
-    """Certify the QP of a choice and retain its plan; return the outcome.
+class Certified(NamedTuple):
+    """Solution of the QP of a choice, and its certificate.
 
-    The QP is left in memory. If it fails, the fallback is driven.
+    Attributes:
+        holds: Whether the certificate holds.
+        twist: The solution, or the answer of a back end.
+        slack: Least relaxation of the rows, m/s.
+        residual: Of the certificate.
+        first: Obstacle of an active row, or −1.
+        second: Another one, or −1.
     """
-    s, proposed = scene.settings[0], choice.proposal.cost < math.inf
-    kept = state[:PENDING].view(KEPT)[0]
-    answered = not (math.isinf(answer[0]) or math.isinf(answer[1]))
-    # Without a proposal: the projection of the driven twist onto the limits.
-    goal = first_twist(scene, choice.plan)
+
+    holds: bool
+    twist: Pair
+    slack: float
+    residual: float
+    first: int
+    second: int
+
+
+@compiled_once
+def certified(
+    scene: Scene, query: Query, choice: Choice, answer: Pair, space: Workspace
+) -> Certified:
+    """Solve the QP of a choice, which is left in memory, and certify the solution.
+
+    Without a proposal the QP is the projection of the driven twist onto the limits.
+    ``answer``: see :func:`filter_outcome`.
+    """
+    s, goal = scene.settings[0], first_twist(scene, choice.plan)
     qp = Problem(0, Terms(query.box, goal, (s.weight_v, s.weight_omega), 0))
-    if proposed:
+    if choice.proposal.cost < math.inf:
         qp = qp_of(scene, query, choice.proposal)
     set_problem(space.problem, qp)
     found, rows = solution(query, qp), query.rows[: qp.m + 4]
-    twist = answer if answered else (found.v, found.omega)
+    twist = answer if is_answered(answer) else (found.v, found.omega)
     relaxed = relaxation(found.slack, query.slack_tolerance)
     residual = max(*certificate(rows, qp.terms, relaxed, twist))
     first, second = active_obstacles(rows[: qp.m], found, choice.owner)
-    failed = not (found.found and residual <= RESIDUAL_TOLERANCE)
-    if failed:
-        choice, first, second = fallback(scene, query, kept, -1), -1, -1
-    elif answered and proposed:
-        choice = answered_by(scene, query, choice, twist)
-    twist, slack = first_twist(scene, choice.plan), 0.0
-    if proposed and not failed:
-        slack = row_violation(query, twist) if query.ahead else found.slack
-    level, least = threshold(scene), choice.margins
-    code = STOPPED if failed else code_of(scene, query, choice, twist, slack)
-    margin = least.moving
-    if least.static < level:
-        margin = min(margin, least.static)
-    kept.mode = choice.mode
-    keep_plan(state, twist, choice.plan, choice.until, s.dt)
+    holds = found.found and residual <= RESIDUAL_TOLERANCE
+    return Certified(holds, twist, found.slack, residual, first, second)
+
+
+@compiled
+def is_answered(answer: Pair) -> bool:
+    """Return whether a back end has answered."""
+    return not (math.isinf(answer[0]) or math.isinf(answer[1]))
+
+
+@compiled_once
+def finished(
+    scene: Scene, query: Query, choice: Choice, qp: Certified, state: Array
+) -> Outcome:
+    """Retain the plan of a certified choice; return the outcome."""
+    proposed, twist = choice.proposal.cost < math.inf, first_twist(scene, choice.plan)
+    slack, level, (static, moving) = 0.0, threshold(scene), choice.margins
+    if proposed and qp.holds:
+        slack = row_violation(query, twist) if query.ahead else qp.slack
+    code = code_of(scene, query, choice, twist, slack) if qp.holds else STOPPED
+    margin = min(static, moving) if static < level else moving
+    keep_plan(
+        state, twist, choice.plan, choice.mode, choice.until, scene.settings[0].dt
+    )
     shortfall = -margin if margin < level else 0.0
     # fmt: off
-    return Outcome(code, twist[0], twist[1], scene.clearance, slack, residual,
-                   shortfall, first, second)
+    return Outcome(code, twist[0], twist[1], scene.clearance, slack, qp.residual,
+                   shortfall, qp.first, qp.second)
     # fmt: on
 
 
 @compiled_once
 def answered_by(scene: Scene, query: Query, choice: Choice, twist: Pair) -> Choice:
-    """Return the choice with the twist of a back end, if that is clear, too."""
-    twist = snapped(query, twist)
+    """Return the choice with the twist of a back end, if that is clear, too.
+
+    Without look-ahead and ``braking_room`` no plan is checked.
+    """
+    twist, unchecked = snapped(query, twist), scene.settings[0].braking_room == 0
     plan = hold(twist[0], twist[1], choice.plan.end)
-    s = scene.settings[0]
-    if s.braking_room != 0 and not verdict(scene, plan, choice.until):
+    if (query.ahead or not unchecked) and not verdict(scene, plan, choice.until):
         return choice
     _, mode, until, least, proposal, owner = choice
     return Choice(plan, mode, until, least, proposal, owner)

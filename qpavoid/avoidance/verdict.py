@@ -1,4 +1,4 @@
-"""Verdict: a twist is driven only as the beginning of a verified plan.
+"""Verdict: a twist is driven as the beginning of a verified plan, if there is one.
 
 A plan is the twist for the coming control step, then the rest of the plan, then braking
 along the arc until the robot stands still. It is verified against all bodies in
