@@ -43,6 +43,9 @@ SHAPE = "robot.footprint_m"
 preset's."""
 
 
+JITTER = 0.25
+"""Default of ``actuation.jitter``: without scans a twist is held for so much longer."""
+
 ROLES = "filter", "guide"
 
 TF = "/tf"
@@ -69,7 +72,8 @@ class Wiring(NamedTuple):
     """Parameters fixed at the start; an empty topic is not used.
 
     Attributes:
-        dt_s: Control step: least time between two twists.
+        dt_s: Control step: least time between two twists. The default with
+            :data:`JITTER` fits a scanner of 40 Hz.
         robot_preset: As in scenario files.
         stamped: Commands are TwistStamped, in and out; else Twist.
         tf: Listen to ``/tf`` and ``/tf_static`` for frames that are not named.
@@ -107,7 +111,7 @@ class Wiring(NamedTuple):
         frame_poses: x, y, z, roll, pitch, yaw on the base of each, concatenated.
     """
 
-    dt_s: float = 0.02
+    dt_s: float = 0.022
     robot_preset: str = "mir100"
     stamped: bool = False
     tf: bool = False
@@ -239,7 +243,7 @@ def defaults(robot: Robot) -> dict[str, Any]:
             values = setting.of(like if kind is Limits else setting.default)
             for key, value in zip(setting.keys, values, strict=False):
                 found[f"{table}.{key}"] = value
-    return found
+    return found | {"actuation.jitter": JITTER}
 
 
 def setup_of(values: Mapping[str, Any], robot: Robot, dt: float) -> GuardSetup:

@@ -24,7 +24,8 @@ def setup(values=(), **changed):
     """Settings by names as they are, and by names with ``__`` for the dot."""
     robot = preset("mir100_rectangle")
     given = {name.replace("__", "."): value for name, value in changed.items()}
-    return setup_of(defaults(robot) | dict(values) | given, robot, DT)
+    values = {"actuation.jitter": 0.0} | dict(values) | given
+    return setup_of(defaults(robot) | values, robot, DT)
 
 
 def guarded(values=(), **wiring):

@@ -108,6 +108,16 @@ def test_a_person_in_scans_has_a_velocity_in_the_markers(driven):
     assert found["occupied"] > 100
 
 
+def test_every_scan_is_answered_at_once(driven):
+    """1,080 beams at 40 Hz with perception and the default control step.
+
+    On a machine that others use, too: docs/ros2.md has the times on a quiet one.
+    """
+    found = driven["bench"]
+    assert found["n"] > 500 and found["p50"] < 0.01
+    assert found["twists_per_scan"] < 1.3, "the timer comes first"
+
+
 OUTAGES = {
     "kill": (0.25, "scan: stale."),
     "odometry": (0.2, "odom: stale."),

@@ -10,25 +10,32 @@ from ros_guards import AT_ONCE, guarded
 import ros_messages as ros
 from places import ROOT
 from qpavoid.avoidance.inputs import Fault
-from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.avoidance.settings import Actuation, AvoidanceSettings
 from qpavoid.errors import InvalidInputError, UnknownNameError
 from qpavoid.lab.scenario.schema import Preset, ScenarioModel
 from qpavoid.lab.study.replay import read_parameters
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.ros.guard import Guard
-from qpavoid.ros.parameters import PRESETS, TABLES, defaults, preset, setup_of
+from qpavoid.ros.parameters import (
+    PRESETS,
+    TABLES,
+    Wiring,
+    defaults,
+    preset,
+    setup_of,
+)
 from qpavoid.ros.report import ERROR, OK, WARN, diagnose, markers
 
 SHIPPED = sorted((ROOT / "configs" / "ros").glob("[!s]*.yaml"))
 SHAPE = "robot.footprint_m"
 
 
-def test_defaults_are_those_of_the_package():
+def test_defaults_are_those_of_the_package_but_for_a_jitter():
     for name in PRESETS:
-        robot = preset(name)
+        robot, actuation = preset(name), Actuation(jitter=0.25)
         setup = setup_of(defaults(robot), robot, 0.02)
-        assert setup.settings == AvoidanceSettings()
+        assert setup.settings == AvoidanceSettings(actuation=actuation)
         assert setup.robot.limits == robot.limits
         np.testing.assert_array_equal(
             setup.robot.footprint.vertices, robot.footprint.vertices
@@ -75,6 +82,13 @@ def test_values_are_set_and_refused_by_name():
             setup_of(defaults(robot) | wrong, robot, 0.05)
     with pytest.raises(UnknownNameError, match="did you mean 'jackal'"):
         preset("jakal")
+
+
+def test_a_scan_of_40_hz_is_due_when_it_arrives_and_before_the_timer():
+    """Also 2.5 ms early or late."""
+    dt, values = Wiring().dt_s, defaults(preset("mir100"))
+    longest = dt * (1.0 + values["actuation.jitter"])
+    assert dt <= 0.0225 and 0.0274 < longest < 0.03
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda p: p.stem)

@@ -258,8 +258,7 @@ class Node:
     """The node in a process of its own."""
 
     def __init__(self, domain, **settings):
-        given = {**SETTINGS, **settings}
-        named = [w for k, x in given.items() for w in ("-p", f"{k}:={x}")]
+        named = [w for k, x in settings.items() for w in ("-p", f"{k}:={x}")]
         self.environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
         command = [sys.executable, "-P", "-c", RUN, "--ros-args", *named]
         self.process = subprocess.Popen(
@@ -384,7 +383,7 @@ def restart(peer, node):
     peer.drive(1.0)
     node.end(kill=True)
     at = time.monotonic()
-    fresh = Node(node.environment["ROS_DOMAIN_ID"])
+    fresh = Node(node.environment["ROS_DOMAIN_ID"], **SETTINGS)
     node.process = fresh.process
     peer.ready()
     return {"goes": peer.goes(at + 0.2)}
@@ -449,7 +448,7 @@ CLOCKED = frozen, jump, bad_clock
 
 
 def play(domain, scenes, sim=False, **settings):
-    node, peer, found = Node(domain, **settings), Peer(domain, sim), {}
+    node, peer, found = Node(domain, **SETTINGS, **settings), Peer(domain, sim), {}
     try:
         found["ready"] = peer.ready()
         for scene in scenes:
