@@ -49,13 +49,6 @@ class Entry(NamedTuple):
     package: str = ""
 
 
-def literal_filter(
-    robot: Robot, settings: AvoidanceSettings, solver: str = "exact"
-) -> FilterController:
-    """Return the filter whose bound is the repulsive velocity of Eq. 5 itself."""
-    return FilterController(robot, replace(settings, bound="repulsion"), solver, False)
-
-
 REGISTRY: dict[str, Entry] = {
     "eq5": Entry(
         "Eq. 5: repulsive translation and rotation",
@@ -74,7 +67,9 @@ REGISTRY: dict[str, Entry] = {
     ),
     "qp-repulsion": Entry(
         "QP filter, P_r driven away at ẋ_0 as Eq. 5 wants it: no room to stop",
-        literal_filter,
+        lambda robot, settings, solver="exact": FilterController(
+            robot, replace(settings, bound="repulsion"), solver, False
+        ),
         "",
     ),
     "qp-ahead": Entry(

@@ -453,7 +453,7 @@ class ScenarioModel(Strict):
         settled_s: So long it has to be at its goal to have arrived.
         arrival_m: So near its goal.
         arrival_rad: And so near its heading there.
-        frames_s: Times of the figure's frames; none: those of the interaction.
+        frames_s: Times of the figure's frames; none: it shows whole paths.
         start: First pose of the robot; none: that of the reference.
         robot: Footprint and limits.
         robots: Several robots; all else is as at the top.

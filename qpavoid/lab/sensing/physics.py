@@ -141,15 +141,11 @@ class PhysicsRun:
         self._asked = (0.0, 0.0)
         self._told, self._turning = [0.0, 0.0], [0.0, 0.0]
         self._missing = np.zeros(model.nu)
-        self._place(pose)
-        self.data.time = 0.0
-
-    def _place(self, pose: Pose) -> None:
-        """Let the base come to rest on its wheels."""
         half, qpos = 0.5 * pose[2], self.data.qpos
         qpos[:2], qpos[3], qpos[6] = pose[:2], math.cos(half), math.sin(half)
-        for _ in range(round(SETTLING / DT)):
+        for _ in range(round(SETTLING / DT)):  # it comes to rest on its wheels
             self._advance()
+        self.data.time = 0.0
 
     @property
     def pose(self) -> Pose:
@@ -172,18 +168,19 @@ class PhysicsRun:
             self._drive(h)
             self._slip()
             self._advance()
-        self._check()
-        turned = (self.data.qpos[self._angles] - angles).tolist()
-        return self._mean(before, turned, dt)
-
-    def _check(self) -> None:
-        """Raise InvalidInputError unless the base is upright and simulated."""
         i, j = self.data.qpos[4:6].tolist()
         upright = 1.0 - 2.0 * (i * i + j * j) > UPRIGHT
         want(
             upright and not self.data.warning.number.any(),
             "the base in MuJoCo has tipped over: its ground is too rough",
         )
+        turned = (self.data.qpos[self._angles] - angles).tolist()
+        v, omega, lateral = twist_between(before, self.pose, dt)
+        sides = len(turned) // 2
+        left, right = (
+            self._radius * sum(turned[side::2]) / (sides * dt) for side in (0, 1)
+        )
+        return Drive(wheel_twist(left, right, self._track), (v, omega), lateral)
 
     def _drive(self, h: float) -> None:
         """Set the speeds of the motors for the next h s."""
@@ -213,12 +210,3 @@ class PhysicsRun:
             there = np.abs((places - patch.place) @ [[cos, -sin], [sin, cos]])
             friction[(there <= 0.5 * np.array(patch.size)).all(axis=1)] = patch.friction
         self._model.geom_friction[self._rolling, 0] = friction
-
-    def _mean(self, before: Pose, turned: list[float], dt: float) -> Drive:
-        """Return the mean twists of a motion of the base."""
-        v, omega, lateral = twist_between(before, self.pose, dt)
-        sides = len(turned) // 2
-        left, right = (
-            self._radius * sum(turned[side::2]) / (sides * dt) for side in (0, 1)
-        )
-        return Drive(wheel_twist(left, right, self._track), (v, omega), lateral)

@@ -6,7 +6,7 @@ written is a folder with an MCAP file, as Foxglove and ``ros2 bag`` open it.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -186,10 +186,14 @@ def read_bag(
             topics = choose({one.topic: one.msgtype for one in own})
             chosen = [one for one in own if one.topic in topics]
             chosen += [one for one in reader.connections if one.topic == STATIC]
-            messages = [
-                (1e-9 * time, one.topic, reader.deserialize(data, one.msgtype))
-                for one, time, data in _no_more(reader.messages(chosen))
-            ]
+            messages, left = list[tuple[float, str, Any]](), MOST_UNPACKED
+            for one, time, data in reader.messages(chosen):
+                left -= len(data)
+                if left < 0:
+                    most = f"{MOST_UNPACKED:,} bytes"
+                    raise DataError(f"its messages have more than {most}")
+                told = reader.deserialize(data, one.msgtype)
+                messages.append((1e-9 * time, one.topic, told))
     static = [one for _, topic, one in messages if topic == STATIC]
     rest = [one for one in messages if one[1] != STATIC]
     if not rest:
@@ -220,16 +224,6 @@ def _files(path: Path) -> tuple[list[Path], list[Path]]:
     first = path.with_name(f"{stem}_0{path.suffix}")
     later = path.suffix in SPLITS and number.isdigit() and first != path
     return [first] if later and first.is_file() else [], [path]
-
-
-def _no_more(messages: Iterable[tuple[Any, int, bytes]]) -> Iterator[Any]:
-    """Yield messages as long as all of them can be held."""
-    left = MOST_UNPACKED
-    for message in messages:
-        left -= len(message[2])
-        if left < 0:
-            raise DataError(f"its messages have more than {MOST_UNPACKED:,} bytes")
-        yield message
 
 
 def _rosbags() -> tuple[Any, Any]:

@@ -81,21 +81,15 @@ def save_figures(
     return saved
 
 
-def frames(logs: Sequence[Log], times: Sequence[float] | None = None) -> Figure:
+def frames(logs: Sequence[Log]) -> Figure:
     """Draw moments of a scenario as the paper's Fig. 4, 8 and 9 do.
 
     Footprint, safety zone, planned path and path driven so far, obstacles, P_r and the
     target on the plan, all with the same axes. One row a method and one column a time,
     or the other way round where that leaves fewer columns and larger robots.
-
-    Args:
-        logs: Runs of one scenario.
-        times: s; by default those of the scenario, or else of the interaction.
     """
     first = first_of(logs)
-    steps = [
-        int(np.abs(first["t_s"] - time).argmin()) for time in times or frame_times(logs)
-    ]
+    steps = [int(np.abs(first["t_s"] - x).argmin()) for x in first.meta["frames_s"]]
     fleets = fleets_of(logs)
     looks = styles([fleet[0] for fleet in fleets])
     methods = [style.label for style in looks]
@@ -110,23 +104,6 @@ def frames(logs: Sequence[Log], times: Sequence[float] | None = None) -> Figure:
             draw_fleet(axes, fleet, style, box, step)
     legend(figure)
     return figure
-
-
-def frame_times(logs: Sequence[Log]) -> list[float]:
-    """Return the scenario's times for frames, s, or those of the interaction.
-
-    The interaction's are: start, zone first entered, half-way, zone last left, end.
-    """
-    first = first_of(logs)
-    chosen = [float(time) for time in first.meta["frames_s"]]
-    if chosen:
-        return chosen
-    t = first["t_s"]
-    near = np.concatenate([log["t_s"][log["clearance_m"] < log["r_m"]] for log in logs])
-    if not len(near):
-        return [float(time) for time in np.linspace(t[0], t[-1], 4)]
-    enter, leave = near.min(), near.max()
-    return sorted({float(x) for x in (t[0], enter, (enter + leave) / 2, leave, t[-1])})
 
 
 def paths(logs: Sequence[Log]) -> Figure:

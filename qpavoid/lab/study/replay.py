@@ -29,7 +29,7 @@ from qpavoid.errors import (
 )
 from qpavoid.files import read_yaml
 from qpavoid.lab.simulation.outcome import differs
-from qpavoid.lab.study.bags import BagWriter, Event, Recording
+from qpavoid.lab.study.bags import BagWriter, Recording
 from qpavoid.lab.study.style import BLUE, RED, SKY
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.model.footprint import Footprint
@@ -212,13 +212,13 @@ def replay(drive: Recording, setup: GuardSetup) -> Replayed:
         driven = guard.odometry.trail.twist if drive.wiring.odometry else last
         step, row = guard.step(event.time, event.time, driven), dict[str, Any]()
         if drive.has_commands:
-            recorded = _recorded(event)
-            last = recorded or (0.0, 0.0)
-            row = _row(last, step, setup.robot.limits)
-            row["reason"] = step.sentence
-            if recorded is None:
+            last, unread = (0.0, 0.0), {}
+            try:
+                last = read_twist(event.message)
+            except InvalidInputError:
                 why = guard.errors.get("command", UNREAD)
-                row |= {"changed": True, "why": UNREAD, "reason": why}
+                unread = {"changed": True, "why": UNREAD, "reason": why}
+            row = _row(last, step, setup.robot.limits) | unread
         if not drive.wiring.odometry:
             guard.odometry.trail.twist = last
         if all(map(math.isfinite, step.ages.values())):
@@ -265,13 +265,6 @@ def _refusals(guard: Guard, topic: str) -> str:
     return ", ".join([*said, guard.errors.get(topic, "")]).strip(", ") or "no message"
 
 
-def _recorded(event: Event) -> Twist | None:
-    try:
-        return read_twist(event.message)
-    except InvalidInputError:
-        return None
-
-
 def _row(recorded: Twist, step: GuardStep, limits: Limits) -> dict[str, Any]:
     v, omega = recorded
     free = (
@@ -291,6 +284,7 @@ def _row(recorded: Twist, step: GuardStep, limits: Limits) -> dict[str, Any]:
         "clearance_m": math.nan if decision is None else decision.clearance,
         "slack_mps": 0.0 if decision is None else decision.slack,
         "age_s": max(step.ages.values()),
+        "reason": step.sentence,
     }
 
 
@@ -462,8 +456,7 @@ def draw(replayed: Replayed, path: Path) -> None:
 
 def write_bag(replayed: Replayed, folder: Path) -> None:
     """Write twists and markers as a bag of MCAP, on the robot, and tf of that."""
-    wired = replayed.drive.wiring
-    base = wired.base_frame
+    base, odom = replayed.drive.wiring.base_frame, replayed.drive.wiring.odom_frame
     with BagWriter(folder) as bag:
         kept = replayed.rows, replayed.steps, replayed.drawn
         for row, step, drawn in zip(*kept, strict=True):
@@ -480,21 +473,15 @@ def write_bag(replayed: Replayed, folder: Path) -> None:
             shown = bag.blank(kind)
             shown.markers = [_marker(bag, one, time, base) for one in drawn]
             bag.write("/qpavoid/markers", kind, time, shown)
+            link = bag.stamped("geometry_msgs/msg/TransformStamped", time, odom)
+            link.child_frame_id, half = base, 0.5 * row["heading_rad"]
+            place, turn = link.transform.translation, link.transform.rotation
+            place.x, place.y = row["x_m"], row["y_m"]
+            turn.z, turn.w = math.sin(half), math.cos(half)
             kind = "tf2_msgs/msg/TFMessage"
-            bag.write("/tf", kind, time, _frame(bag, wired, row))
-
-
-def _frame(bag: BagWriter, wired: Wiring, row: Mapping[str, Any]) -> Any:
-    """Return the robot's transform in the frame of odometry."""
-    kind = "geometry_msgs/msg/TransformStamped"
-    link = bag.stamped(kind, row["time_s"], wired.odom_frame)
-    link.child_frame_id, half = wired.base_frame, 0.5 * row["heading_rad"]
-    place, turn = link.transform.translation, link.transform.rotation
-    place.x, place.y = row["x_m"], row["y_m"]
-    turn.z, turn.w = math.sin(half), math.cos(half)
-    message = bag.blank("tf2_msgs/msg/TFMessage")
-    message.transforms = [link]
-    return message
+            moved = bag.blank(kind)
+            moved.transforms = [link]
+            bag.write("/tf", kind, time, moved)
 
 
 def _marker(bag: BagWriter, one: Drawing, time: float, frame: str) -> Any:

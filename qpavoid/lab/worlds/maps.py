@@ -183,21 +183,18 @@ def draw_things(
         middles = np.vstack([beside, rng.choice(open_places[around], ANYWHERE)])
         discs = np.column_stack([middles, rng.uniform(0.1, 0.3, len(middles))])
         ends = np.hypot(*(middles[:, None] - route[[0, -1]]).transpose(2, 0, 1))
-        if ends.min() > FREE_RADIUS and leaves_way(ground, discs, rover, route):
+        if ends.min() <= FREE_RADIUS:
+            continue
+        now = ground.copy()
+        now.mark(Obstacles(discs=discs), math.inf)
+        costs = costs_of(now.clearance(0.0), rover.passage, 0.6, 4.0)
+        start, goal = map(tuple, ground.cells(route[[0, -1]]).tolist())
+        if len(cheapest_way("astar", costs, start, goal)):
             return [
                 {"kind": "disc", "position_m": place, "radius_m": radius}
                 for *place, radius in discs.tolist()
             ]
     return []
-
-
-def leaves_way(ground: Grid, discs: Array, rover: Rover, route: Array) -> bool:
-    """Return whether the ends of a route are connected among discs."""
-    now = ground.copy()
-    now.mark(Obstacles(discs=discs), math.inf)
-    costs = costs_of(now.clearance(0.0), rover.passage, 0.6, 4.0)
-    start, goal = map(tuple, ground.cells(route[[0, -1]]).tolist())
-    return len(cheapest_way("astar", costs, start, goal)) > 0
 
 
 def draw_people(

@@ -60,8 +60,8 @@ class Store:
         self.folder = folder
         (folder / "runs").mkdir(parents=True, exist_ok=True)
         (folder / "logs").mkdir(exist_ok=True)
-        self._text = text
-        self._origin: dict[bytes, bytes] | None = None
+        origin = provenance() | {"commit": commit(), "study": text}
+        self._origin = {b"qpavoid": json.dumps(origin).encode()}
 
     def done(self, with_logs: bool = False) -> set[str]:
         """Return the runs that are finished."""
@@ -105,7 +105,7 @@ class Store:
             if log is not None:
                 _write(self._log(str(row["run"])), log)
         table = pa.Table.from_pylist([row for row, _ in results], SCHEMA)
-        table = table.replace_schema_metadata(self._provenance())
+        table = table.replace_schema_metadata(self._origin)
         sink = pa.BufferOutputStream()
         pq.write_table(table, sink, compression="zstd", write_page_checksum=True)
         content = sink.getvalue().to_pybytes()
@@ -115,12 +115,6 @@ class Store:
 
     def _log(self, run: str) -> Path:
         return self.folder / "logs" / f"{run}.npz"
-
-    def _provenance(self) -> dict[bytes, bytes]:
-        if self._origin is None:
-            origin = provenance() | {"commit": commit(), "study": self._text}
-            self._origin = {b"qpavoid": json.dumps(origin).encode()}
-        return self._origin
 
 
 def shards(folder: Path) -> list[Path]:
