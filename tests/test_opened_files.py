@@ -20,7 +20,7 @@ from qpavoid.errors import (
 from qpavoid.lab.scenario.config import find_config
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.worlds.map_server import read_image, read_map
-from qpavoid.lab.worlds.points import read_points
+from qpavoid.lab.worlds.source import read_points
 from scenario_files import CROSSING, MINIMAL
 
 POINTS = '\n[[obstacles]]\nkind = "points"\nfile = "{}"\n'

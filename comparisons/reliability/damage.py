@@ -36,7 +36,7 @@ from qpavoid.lab.study.sweep.store import Store, read_rows, shards
 from qpavoid.lab.study.sweep.study import read_study
 from qpavoid.lab.worlds import barn, crowd
 from qpavoid.lab.worlds.map_server import read_image, read_map
-from qpavoid.lab.worlds.points import read_points
+from qpavoid.lab.worlds.source import read_points
 
 MOST_S, MOST_MB = 1.0, 500
 EXTREME = b'0 -1 1e999 -1e308 nan inf 1e12 9223372036854775808 1.5 "" true [] {} null'

@@ -46,20 +46,18 @@ class PursuitController(Baseline):
     radius ρ below that and times d/``near`` if an obstacle is nearer than that, d. If
     the arc to the carrot has a contact within 1 s, the robot stops.
 
-    The collision monitor then multiplies the twist by the least factor of its zones: 0
-    if an obstacle is within ``stop`` m of the footprint, ``share`` within ``slow`` m,
-    and t/``time`` if the footprint would have a contact in t < ``time`` (Nav2's
-    *approach*). Obstacles are taken as static, the footprint is the polygon. Left out:
-    Nav2's planner (``astar+rpp`` has one), its recoveries, and reversing. A static
-    obstacle on the path stops the robot for good.
+    The collision monitor then multiplies the twist by the lesser factor of two zones: 0
+    if an obstacle is within ``stop`` m of the footprint, and t/``time`` if the
+    footprint would have a contact in t < ``time`` (Nav2's *approach*). Obstacles are
+    taken as static, the footprint is the polygon. Left out: Nav2's planner
+    (``astar+rpp`` has one), its recoveries, its slow zone, and
+    reversing. A static obstacle on the path stops the robot for good.
 
     Attributes:
         look_time: s.
         radius: m.
         near: m.
         stop: m.
-        slow: m.
-        share: Of the twist, in the slow zone.
         time: s.
     """
 
@@ -67,8 +65,6 @@ class PursuitController(Baseline):
     radius: float = 0.9
     near: float = 0.3
     stop: float = 0.02
-    slow: float = 0.0
-    share: float = 0.5
     time: float = 2.0
 
     def plan(
@@ -84,8 +80,6 @@ class PursuitController(Baseline):
             if self._free(wanted, obstacles, context, time) < time:
                 return self.brake(context)
         share = self._free(wanted, obstacles, context, self.time) / self.time
-        if distance < self.slow:
-            share = min(share, self.share)
         if distance < self.stop or share == 0.0:
             return self.brake(context)
         return Command((share * wanted[0], share * wanted[1]))

@@ -11,7 +11,6 @@ stands, and plans again soon.
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -29,31 +28,20 @@ ROUNDING = 1e-9
 """s; tolerance of the memory's end for rounding."""
 
 
-class PlannerSettings(NamedTuple):
-    """Settings of a global planner.
+GRID_SIDE, GRID_MARGIN = 0.1, 3.0
+"""m: side of a cell; by so much the grid exceeds start, goal and map."""
 
-    Attributes:
-        resolution: Side of a cell, m.
-        soft: m beyond the clearance within which the cost is higher.
-        weight: Greatest relative increase of the cost.
-        margin: m by which the grid exceeds start, goal and map.
-        sight: Range of the robot's sensors and of the check of the path, m.
-        memory: s for which static obstacles are remembered.
-        interval: s between two checks of the path.
-        astray: Distance from the path from which on it is planned again, m.
-        detour: m by which a path around moving obstacles may be longer than the blocked
-            one.
-    """
+SOFT_RANGE, SOFT_WEIGHT = 0.6, 4.0
+"""m beyond the clearance within which the cost is higher; its greatest relative
+increase."""
 
-    resolution: float = 0.1
-    soft: float = 0.6
-    weight: float = 4.0
-    margin: float = 3.0
-    sight: float = 8.0
-    memory: float = 10.0
-    interval: float = 0.5
-    astray: float = 1.0
-    detour: float = 1.0
+SIGHT, ASTRAY, LONGER_WAY = 8.0, 1.0, 1.0
+"""m: range of the robot's sensors and of the check of the path; distance from the path
+from which on it is planned again; by so much a path around moving obstacles may be
+longer than the blocked one."""
+
+REMEMBERED, LOOK_EVERY = 10.0, 0.5
+"""s: for so long static obstacles are remembered; time between two checks."""
 
 
 @dataclass(frozen=True)
@@ -86,25 +74,17 @@ class Planner:
         search: Name of the search.
         problem: Start and goal.
         chart: The map, world frame: its points and walls.
-        settings: Of the planner.
 
     Raises:
         MissingExtraError: The search's library is not installed.
     """
 
-    def __init__(
-        self,
-        search: str,
-        problem: PlanningProblem,
-        chart: Obstacles,
-        settings: PlannerSettings | None = None,
-    ) -> None:
+    def __init__(self, search: str, problem: PlanningProblem, chart: Obstacles) -> None:
         self.search, self.problem = search, problem
-        self.settings = settings or PlannerSettings()
         ends = np.array([problem.start[:2], problem.goal[:2]])
         walls = chart.walls.reshape(-1, 2)
         places = np.vstack([ends, chart.points, walls])
-        self._grid = Grid.around(places, self.settings.margin, self.settings.resolution)
+        self._grid = Grid.around(places, GRID_MARGIN, GRID_SIDE)
         self._grid.mark(chart, math.inf)
         self._route: Array | None = None
         self._due = -math.inf
@@ -115,15 +95,15 @@ class Planner:
         """Return a new reference (n, 5) from now on; ``None``: the old one is kept."""
         if time < self._due:
             return None
-        self._due = time + self.settings.interval
-        since = time - self.settings.memory - ROUNDING
+        self._due = time + LOOK_EVERY
+        since = time - REMEMBERED - ROUNDING
         clearance, kept = self._look(time, pose, seen, since), self._route
         if kept is not None and not self._is_lost(kept, clearance, pose):
             return None
         found = self._plan(clearance, pose)
         if kept is not None:
             nearest = int(np.hypot(*(kept - pose[:2]).T).argmin())
-            most = length(kept[nearest:]) + self.settings.detour
+            most = length(kept[nearest:]) + LONGER_WAY
             if found is None or length(found) > most:
                 if not self._is_lost(kept, self._grid.clearance(since), pose):
                     return None
@@ -134,7 +114,7 @@ class Planner:
 
     def _look(self, time: float, pose: Pose, seen: Obstacles, since: float) -> Array:
         """Return the distance of every cell from the known obstacles, m."""
-        seen = seen.within(self.settings.sight)
+        seen = seen.within(SIGHT)
         moves, back = seen.speeds > SPEED_AT_REST, inverse(pose)
         still = seen.chosen(~moves & ~seen.is_wall).seen_from(back)
         moving = Obstacles.of(NO_POINTS, seen.capsules[moves]).seen_from(back)
@@ -148,13 +128,13 @@ class Planner:
         """Return whether the path ahead is blocked, or the robot far from it."""
         away = np.hypot(*(route - pose[:2]).T)
         nearest = int(away.argmin())
-        if away[nearest] > self.settings.astray:
+        if away[nearest] > ASTRAY:
             return True
         ahead = route[nearest:]
-        ahead = ahead[np.hypot(*(ahead - pose[:2]).T) < self.settings.sight]
+        ahead = ahead[np.hypot(*(ahead - pose[:2]).T) < SIGHT]
         rows, columns = self._grid.nearest_cells(ahead).T
         # One cell less than planned with: rounding to cells must not block the path.
-        tight = self.problem.keep - self.settings.resolution
+        tight = self.problem.keep - GRID_SIDE
         return bool((clearance[rows, columns] < tight).any())
 
     def _plan(self, clearance: Array, pose: Pose) -> Array | None:
@@ -164,13 +144,13 @@ class Planner:
         blocked.
         """
         keep = self.problem.keep
-        costs = costs_of(clearance, keep, self.settings.soft, self.settings.weight)
+        costs = costs_of(clearance, keep, SOFT_RANGE, SOFT_WEIGHT)
         ends = np.array([pose[:2], self.problem.goal[:2]])
         cells = self._grid.nearest_cells(ends)
         rows, columns = np.indices(costs.shape)
         for row, column in cells:
             near = np.hypot(rows - row, columns - column)
-            near = near * self.settings.resolution <= keep
+            near = near * GRID_SIDE <= keep
             # Else a robot inside the inflated zone could not leave it.
             costs[near & (costs == 0) & (clearance > 0.0)] = DEAR_CELL
             costs[row, column] = max(1, costs[row, column])
@@ -189,7 +169,7 @@ class Planner:
             problem.speed,
             problem.turn_rate,
             problem.acceleration,
-            0.5 * self.settings.resolution,
+            0.5 * GRID_SIDE,
             min(speed, problem.speed),
         )
         plan = path.sample(problem.times)

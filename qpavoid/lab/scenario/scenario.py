@@ -24,8 +24,7 @@ from qpavoid.lab.sensing.physics import Physics
 from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.worlds.barn import START, find_folder, read_path, read_world
 from qpavoid.lab.worlds.map_server import find_map, read_map
-from qpavoid.lab.worlds.points import read_points
-from qpavoid.lab.worlds.source import data_roots
+from qpavoid.lab.worlds.source import data_roots, read_points
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot

@@ -20,6 +20,10 @@ from PIL import Image
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.metrics import metrics, run_name, tally
 from qpavoid.lab.study.scene import (
+    BLACK,
+    DANGER,
+    MARGIN,
+    WIDTH,
     decisive_step,
     draw_fleet,
     first_of,
@@ -27,9 +31,9 @@ from qpavoid.lab.study.scene import (
     legend,
     plan_grid,
     plan_panels,
+    styles,
     view_box,
 )
-from qpavoid.lab.study.style import BLACK, DANGER, MARGIN, WIDTH, styles
 
 DPI = 200
 

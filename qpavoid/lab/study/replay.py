@@ -30,7 +30,7 @@ from qpavoid.errors import (
 from qpavoid.files import read_yaml
 from qpavoid.lab.simulation.outcome import differs
 from qpavoid.lab.study.bags import BagWriter, Recording
-from qpavoid.lab.study.style import BLUE, RED, SKY
+from qpavoid.lab.study.scene import BLUE, RED, SKY
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import relative, to_world

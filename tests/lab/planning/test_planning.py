@@ -9,8 +9,9 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from shapely import Point, Polygon
 
+from qpavoid.lab.planning import planner as planners
 from qpavoid.lab.planning.grid import SEARCHES, Grid, cheapest_way
-from qpavoid.lab.planning.planner import Planner, PlannerSettings, PlanningProblem
+from qpavoid.lab.planning.planner import Planner, PlanningProblem
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.run import run
 from qpavoid.model.obstacles import Obstacles
@@ -94,12 +95,12 @@ def test_a_grid_is_marked_within_a_polygon():
     assert len(places) >= solid.area / 0.01
 
 
-def planner(chart, search="astar", **changes):
+def planner(chart, search="astar"):
     times = np.arange(0.0, 60.0, 0.1)
     course = PlanningProblem(
         (0.0, 0.0, 0.0), (8.0, 0.0, 1.0), 0.4, 0.8, 1.0, 0.5, times
     )
-    return Planner(search, course, chart, PlannerSettings(**changes))
+    return Planner(search, course, chart)
 
 
 WALL = Obstacles(walls=[(4.0, -2.0, 4.0, 2.0)])
@@ -127,8 +128,9 @@ def test_a_plan_keeps_clear_of_the_map_and_ends_at_the_goal(search):
     assert np.abs(np.diff(plan[:, 3])).max() < 0.5 * 0.1 + 1e-6
 
 
-def test_it_looks_at_intervals_and_plans_only_when_blocked_or_astray():
-    plan = planner(WALL, interval=1.0)
+def test_it_looks_at_intervals_and_plans_only_when_blocked_or_astray(monkeypatch):
+    monkeypatch.setattr(planners, "LOOK_EVERY", 1.0)
+    plan = planner(WALL)
     here = (0.0, 0.0, 0.0)
     first = plan(0.0, here, 0.0, Obstacles())
     row = int(np.argmin(np.hypot(*(first[:, :2] - (2.0, 1.5)).T)))
@@ -145,8 +147,9 @@ def test_it_looks_at_intervals_and_plans_only_when_blocked_or_astray():
     np.testing.assert_allclose(astray[0, :2], aside[:2], atol=0.1)
 
 
-def test_what_is_out_of_sight_or_has_moved_on_is_not_known():
-    plan = planner(Obstacles(), sight=3.0, interval=0.1)
+def test_what_is_out_of_sight_or_has_moved_on_is_not_known(monkeypatch):
+    monkeypatch.setattr(planners, "SIGHT", 3.0)
+    plan = planner(Obstacles())
     here = (0.0, 0.0, 0.0)
     straight = plan(0.0, here, 0.0, Obstacles(discs=[(4.0, 0.0, 0.5)]))
     assert abs(straight[:, 1]).max() < 0.1
@@ -159,7 +162,9 @@ GAPS = Obstacles(walls=[(4.0, -0.8, 4.0, -9.0), (4.0, 0.8, 4.0, 5.0)])
 """A gap ahead, and the way round, 5 m to the left."""
 
 
-def test_a_way_that_only_what_moves_bars_is_kept_where_the_other_one_is_long():
+def test_a_way_that_only_what_moves_bars_is_kept_where_the_other_one_is_long(
+    monkeypatch,
+):
     def person(speed):
         return Obstacles(discs=[(4.0, 0.0, 0.3)], disc_velocities=[(0.0, speed)])
 
@@ -172,17 +177,21 @@ def test_a_way_that_only_what_moves_bars_is_kept_where_the_other_one_is_long():
         assert (other is None) is kept
         if not kept:
             assert other[:, 1].max() > 5.0
-    plan = planner(GAPS, detour=20.0)
+    monkeypatch.setattr(planners, "LONGER_WAY", 20.0)
+    plan = planner(GAPS)
     plan(0.0, start, 0.0, Obstacles())
     assert plan(1.0, start, 0.0, person(0.5))[:, 1].max() > 5.0
 
 
-def test_without_a_way_it_stands_until_there_is_one():
+def test_without_a_way_it_stands_until_there_is_one(monkeypatch):
+    monkeypatch.setattr(planners, "REMEMBERED", 0.0)
     sides = [(7, -1, 9, -1), (9, -1, 9, 1), (9, 1, 7, 1), (7, 1, 7, -1)]
     cage = Obstacles(walls=sides)
-    plan, here = planner(cage, memory=0.0), (0.3, 0.1, 0.2)
+    plan, here = planner(cage), (0.3, 0.1, 0.2)
     assert plan(0.0, here, 0.0, Obstacles()) is None  # it stands from the beginning
-    free = planner(Obstacles(), memory=0.0, sight=9.0, margin=1.0)
+    monkeypatch.setattr(planners, "SIGHT", 9.0)
+    monkeypatch.setattr(planners, "GRID_MARGIN", 1.0)
+    free = planner(Obstacles())
     assert free(0.0, here, 0.0, Obstacles()) is not None
     fence = [(2.0, 0.1 * k) for k in range(-30, 31)]
     stop = free(1.0, here, 0.5, Obstacles(fence))

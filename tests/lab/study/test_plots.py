@@ -14,8 +14,7 @@ from qpavoid.errors import InvalidInputError
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.study import plots
-from qpavoid.lab.study.scene import draw_run, middles, view_box
-from qpavoid.lab.study.style import styles
+from qpavoid.lab.study.scene import draw_run, middles, styles, view_box
 from qpavoid.model.footprint import offset_outline
 from qpavoid.model.kinematics import to_world
 from scenario_files import CROSSING, SLOW
