@@ -8,32 +8,18 @@ import pytest
 
 import qpavoid as qp
 from qpavoid.errors import InvalidInputError
+from ray_world import ray_ranges
 
 ROBOT = qp.Robot.mir100_rectangle()
 BEAMS = 360
 ANGLES = 2.0 * math.pi * np.arange(BEAMS) / BEAMS - math.pi
-ROOM = ((-5.0, -4.0), (5.0, -4.0), (5.0, 4.0), (-5.0, 4.0))
+CORNERS = np.array([(-5.0, -4.0), (5.0, -4.0), (5.0, 4.0), (-5.0, 4.0)])
+ROOM = np.hstack([CORNERS, np.roll(CORNERS, -1, axis=0)])
 
 
-def ray_ranges(pose, discs=(), room=ROOM, angles=ANGLES):
-    """Return the ranges of beams to discs (x, y, r) and the walls of a convex room."""
-    x, y, heading = pose
-    d = np.column_stack([np.cos(angles + heading), np.sin(angles + heading)])
-    ranges = np.full(len(angles), math.inf)
-    for a, b in zip(room, [*room[1:], *room[:1]], strict=True):
-        side = np.subtract(b, a)
-        normal = np.array([side[1], -side[0]])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            along = (normal @ np.subtract(a, (x, y))) / (d @ normal)
-        ranges = np.where(along > 0.0, np.minimum(ranges, along), ranges)
-    for c_x, c_y, r in discs:
-        to = np.array([c_x - x, c_y - y])
-        middle = d @ to
-        square = r * r - (to @ to - middle**2)
-        hit = (square > 0.0) & (middle > 0.0)
-        near = middle - np.sqrt(np.maximum(square, 0.0))
-        ranges = np.where(hit, np.minimum(ranges, near), ranges)
-    return ranges
+def beams_from(pose, discs=(), angles=ANGLES):
+    """Ranges of beams to discs (x, y, r) and the walls of the room."""
+    return ray_ranges(pose, ROOM, discs, angles)
 
 
 def walk(time, speed=0.8):
@@ -47,7 +33,7 @@ def watched(seconds=5.0, place=None, frame=(0.0, 0.0, 0.0), sight=math.inf):
     place = place or (lambda time: (0.0, 0.0, 0.0))
     for time in np.arange(0.0, seconds, 0.1):
         pose = place(time)
-        ranges = ray_ranges(pose, [walk(time)]) + 0.01 * rng.standard_normal(BEAMS)
+        ranges = beams_from(pose, [walk(time)]) + 0.01 * rng.standard_normal(BEAMS)
         ranges[ranges > sight] = math.inf
         found = perception.update(ranges, time, in_frame(pose, frame))
     return perception, found
@@ -98,7 +84,7 @@ def test_nothing_moves_in_a_room_at_rest_whatever_the_robot_does(rate):
     perception, rng = qp.Perception(ROBOT), np.random.default_rng(2)
     for time in np.arange(0.0, 12.0, 1.0 / rate):
         pose = (2.0 * math.sin(0.4 * time), 0.0, 1.2 * time)
-        ranges = ray_ranges(pose, posts) + 0.02 * rng.standard_normal(BEAMS)
+        ranges = beams_from(pose, posts) + 0.02 * rng.standard_normal(BEAMS)
         assert len(perception.update(ranges, time, pose).discs) == 0
 
 
@@ -111,7 +97,7 @@ def test_every_echo_is_a_point_or_in_a_disc():
             (2.5, 3.5 - 0.6 * time, 0.25),
         ]
         pose = (0.0, -1.0, 0.3 * time)
-        ranges = ray_ranges(pose, people) + 0.01 * rng.standard_normal(BEAMS)
+        ranges = beams_from(pose, people) + 0.01 * rng.standard_normal(BEAMS)
         found = perception.update(ranges, time, pose)
         echoes = ranges[:, None] * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
         away = (echoes[:, None] - found.points).transpose(2, 0, 1)
@@ -127,7 +113,7 @@ def test_what_left_the_view_is_remembered_until_it_is_seen_through():
     post = (-1.5, 0.0, 0.2)
 
     def look(time, heading, discs):
-        ranges = ray_ranges((0.0, 0.0, heading), discs)
+        ranges = beams_from((0.0, 0.0, heading), discs)
         ranges = np.where(front, ranges, math.nan)
         found = perception.update(ranges, time, (0.0, 0.0, heading))
         c, s = math.cos(heading), math.sin(heading)
@@ -145,7 +131,7 @@ def test_a_person_out_of_view_is_remembered_for_seconds():
     for time in np.arange(0.0, 9.9, 0.1):
         heading = math.pi / 2 if time < 4.0 else -math.pi / 2
         pose = (0.0, 0.0, heading)
-        ranges = ray_ranges(pose, [walk(time)], angles=front)
+        ranges = beams_from(pose, [walk(time)], angles=front)
         found = perception.update(ranges, time, pose)
         if 4.3 < time < 7.3:
             (ahead, left, _), (x, y, _) = found.discs[0], walk(time)
@@ -160,7 +146,7 @@ def test_a_body_cut_by_the_edge_of_the_view_keeps_its_velocity():
     perception = qp.Perception(ROBOT, qp.Lidar(field_of_view=1.5 * math.pi))
     for time in np.arange(0.0, 6.0, 0.1):
         x = 3.0 - time
-        ranges = ray_ranges((0.0, 0.0, 0.0), [(x, -1.13, 0.23)], angles=angles)
+        ranges = beams_from((0.0, 0.0, 0.0), [(x, -1.13, 0.23)], angles=angles)
         found = perception.update(ranges, time, (0.0, 0.0, 0.0))
         if time > 2.0:
             (disc,), (velocity,) = found.discs, found.disc_velocities
@@ -203,7 +189,7 @@ def test_no_echo_is_free_where_few_are_lost_and_some_are_far(meaning, lost, reac
     lidar = qp.Lidar(no_echo=meaning, range_max=reach)
     rng, perception = np.random.default_rng(4), qp.Perception(ROBOT, lidar)
     for k in range(30):
-        ranges = ray_ranges((0.0, 0.0, 0.0))
+        ranges = beams_from((0.0, 0.0, 0.0))
         ranges[rng.random(BEAMS) < lost] = math.inf
         ranges[:60] = math.inf
         perception.update(ranges, 0.1 * k, (0.0, 0.0, 0.0))
@@ -223,7 +209,7 @@ def test_a_scan_taken_while_the_robot_turns_is_straightened():
             times = 0.1 * k + 0.1 * np.arange(BEAMS) / (BEAMS - 1)
             poses = [(0.0, 0.0, 2.0 * t) for t in times]
             ranges = [
-                ray_ranges(p, angles=ANGLES[i : i + 1])[0] for i, p in enumerate(poses)
+                beams_from(p, angles=ANGLES[i : i + 1])[0] for i, p in enumerate(poses)
             ]
             found = one.update(ranges, 0.1 * k, poses[0], twist=(0.0, 2.0))
         points = found.points @ np.array(
@@ -245,7 +231,7 @@ def test_two_sensors_see_what_one_would():
     angles = np.linspace(-0.5 * half, 0.5 * half, 181)
     for time in np.arange(0.0, 6.0, 0.1):
         for name, lidar in lidars.items():
-            seen = ray_ranges(lidar.mount, [walk(time)], angles=angles)
+            seen = beams_from(lidar.mount, [walk(time)], angles=angles)
             found = perception.update(seen, time, (0.0, 0.0, 0.0), sensor=name)
     assert len(found.discs) == 1
     assert np.hypot(*(found.discs[0, :2] - walk(5.9)[:2])) < 0.15  # each sees a half
@@ -260,7 +246,7 @@ def test_points_of_a_depth_camera_are_a_scan():
     angles = np.radians(np.arange(-43, 44))
     for time in np.arange(0.0, 4.0, 0.1):
         person = (2.5, -2.0 + 0.8 * time, 0.25)
-        r = ray_ranges((0.0, 0.0, 0.0), [person], angles=angles)
+        r = beams_from((0.0, 0.0, 0.0), [person], angles=angles)
         points = np.column_stack([r * np.cos(angles), r * np.sin(angles), 0.5 + 0 * r])
         points = np.vstack([points, [[np.nan, 0.0, 0.0]]])
         found = perception.update(None, time, (0.0, 0.0, 0.0), points=points)
@@ -272,7 +258,7 @@ def test_what_lies_in_the_footprint_is_the_robot():
     perception = qp.Perception(ROBOT)
     corners = [0.9 * v for v in ROBOT.footprint.vertices]
     for k in range(5):
-        ranges = ray_ranges((0.0, 0.0, 0.0), [(*c, 0.02) for c in corners])
+        ranges = beams_from((0.0, 0.0, 0.0), [(*c, 0.02) for c in corners])
         found = perception.update(ranges, 0.1 * k, (0.0, 0.0, 0.0))
     edges = ROBOT.footprint.edges
     reach = (edges[:, :2] * edges[:, 2:4]).sum(axis=1)
@@ -281,7 +267,7 @@ def test_what_lies_in_the_footprint_is_the_robot():
 
 def test_a_jump_of_the_odometry_begins_the_map_anew():
     perception, found = watched()
-    again = perception.update(ray_ranges((0.0, 0.0, 0.0)), 5.0, (20.0, 5.0, 1.0))
+    again = perception.update(beams_from((0.0, 0.0, 0.0)), 5.0, (20.0, 5.0, 1.0))
     assert len(again.discs) == 0
     assert len(again.points) <= BEAMS < len(found.points) + 1
 
@@ -403,7 +389,7 @@ def test_a_guide_with_scans_lets_a_walker_pass():
     guide.stay(pose)
     for time in np.arange(0.0, 12.0, 0.1):
         person = (0.1, 3.0 - 0.7 * max(time - 1.0, 0.0), 0.25)
-        decision = guide.step(pose, scan=ray_ranges(pose, [person]), stamp=time)
+        decision = guide.step(pose, scan=beams_from(pose, [person]), stamp=time)
         pose = in_frame((0.1 * decision.v, 0.0, 0.1 * decision.omega), pose)
         local = np.subtract(person[:2], pose[:2])
         c, s = math.cos(pose[2]), math.sin(pose[2])
@@ -428,7 +414,7 @@ def test_a_guide_without_valid_scans_stops(failed):
     guide, pose = qp.Guide(ROBOT, qp.AvoidanceSettings(dt=0.1)), (0.0, 0.0, 0.0)
     guide.go_to(pose, (3.0, 0.0, 0.0))
     for k in range(11):
-        scan = {"scan": ray_ranges(pose), "stamp": 0.1 * k}
+        scan = {"scan": beams_from(pose), "stamp": 0.1 * k}
         moving = guide.step(pose, **scan, on_error="brake")
     assert moving.v > 0.1
     for k in range(11, 20):
@@ -443,7 +429,7 @@ def test_a_guide_without_valid_scans_stops(failed):
 def test_a_step_without_a_scan_has_the_obstacles_known_so_far():
     guide, pose = qp.Guide(ROBOT, qp.AvoidanceSettings(dt=0.1)), (0.0, 0.0, 0.0)
     guide.go_to(pose, (3.0, 0.0, 0.0))
-    seen = guide.step(pose, scan=ray_ranges(pose), stamp=0.0)
+    seen = guide.step(pose, scan=beams_from(pose), stamp=0.0)
     assert guide.step(pose).clearance == pytest.approx(seen.clearance)
 
 

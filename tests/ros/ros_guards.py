@@ -3,19 +3,19 @@
 import math
 
 import numpy as np
-from ros_world import World
 
 import ros_messages as ros
 from qpavoid.model.footprint import Footprint
 from qpavoid.ros.guard import Guard
 from qpavoid.ros.parameters import Wiring, defaults, preset, setup_of
+from ray_world import World
 
 DT, R_MIN, BEAMS = 0.05, 0.1, 360
 AT_ONCE = {"freshness.good_s": 0.0}
 SMALL = {"robot.footprint_m": str(Footprint.rectangle(0.5, 0.4).vertices.tolist()),
          "robot.acceleration_mps2": 1.5, "radius.r_min_slow_m": R_MIN,
          "radius.r_min_fast_m": R_MIN, **AT_ONCE}  # fmt: skip
-"""The robot of ``ros_world``."""
+"""The robot of ``ray_world``."""
 
 LASER = {"frames": ("laser",), "frame_poses": (0.0,) * 6}
 

@@ -12,8 +12,8 @@ import sys
 import time
 
 import numpy as np
-from ros_world import BOX, DOCK, ROOM, World
 
+from ray_world import BOX, DOCK, ROOM, World
 from ros_peer import (
     SURE,
     Header,

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 from ros_guards import BEAMS, DT, LASER, R_MIN, SMALL, Loop, setup
-from ros_world import BOX, DOCK, ROOM, World
 
 import ros_messages as ros
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.inputs import Fault
 from qpavoid.ros.guard import Guard
 from qpavoid.ros.parameters import Wiring
+from ray_world import BOX, DOCK, ROOM, World
 
 
 def goal(time, x, y, heading=0.0, frame="odom"):

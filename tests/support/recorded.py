@@ -1,4 +1,4 @@
-"""Answers on record, of filters, guides and their parts: of each scene a few sums.
+"""Answers on record, of filters and guides: of each scene a few sums.
 
 Scenes are drawn from continuous distributions: no answer hangs by a last bit. Their
 answers become one number a column: a sum in which each has its own weight, so that what
@@ -18,15 +18,11 @@ from pathlib import Path
 import numpy as np
 
 from hostile_filters import FILTERS
-from obstacle_scene import regular, scene
-from problem_bank import random_problem
+from obstacle_scene import regular
 from qpavoid import AvoidanceSettings, Guide, Obstacles, Robot, SafetyFilter
 from qpavoid.avoidance.settings import Actuation, LookAhead, Margins, SafetyRadius
 from qpavoid.guide.settings import GuideSettings
-from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import integrate
-from qpavoid.qp.problem import FilterProblem
-from qpavoid.qp.solve import required_slack, solve
 
 RECORD = Path(__file__).parents[1] / "recorded.toml"
 MIR = Robot.mir100()
@@ -199,40 +195,13 @@ def guides() -> dict[str, Callable[[], list[list[float]]]]:
     return found
 
 
-def problems() -> list[list[float]]:
-    """Return answers of QPs, feasible or not, and their certificates."""
-    rng, rows = np.random.default_rng(8), []
-    for _ in range(150):
-        problem: FilterProblem = random_problem(rng)
-        found = solve(problem)
-        certified = problem.relaxed(found.slack + 0.01).certify(*rng.normal(size=2))
-        rows.append([*found.u, found.slack, required_slack(problem), *certified])
-    return rows
-
-
-def contacts() -> list[list[float]]:
-    """Return the contacts of things of every kind, and what they say of a twist."""
-    rng, rows = np.random.default_rng(9), []
-    for _ in range(60):
-        things = Obstacles(**scene(rng)).seen_from(tuple(rng.normal(size=3)), 0.3)
-        found = Contacts.of(rng.choice([MIR, FILTERS["limited"][0]]).footprint, things)
-        rows += np.column_stack(
-            [found.point, found.normal, found.distance, found.velocity]
-            + [found.obstacle, found.segment, found.jacobian[:, 0]]
-        ).tolist()
-    return rows
-
-
-PARTS = {"problems": problems, "contacts": contacts}
-
-
 def recorded() -> dict[str, list[float]]:
     """Return what is on record."""
     return tomllib.loads(RECORD.read_text(encoding="utf-8"))
 
 
 def main() -> None:
-    scenes = PARTS | filters() | guides()
+    scenes = filters() | guides()
     lines = [
         f"{name!r} = {sums(make())}".replace("'", '"') for name, make in scenes.items()
     ]

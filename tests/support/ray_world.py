@@ -1,4 +1,4 @@
-"""A robot among walls and people, with a LiDAR: a world without ROS and the package."""
+"""A robot among walls and people, with a LiDAR, without ROS and the package."""
 
 import math
 
@@ -9,6 +9,25 @@ LOW, HIGH = (-0.3, -0.4), (0.3, 0.4)
 BOX = [(*LOW, -0.3, 0.4), (0.3, -0.4, *HIGH), (-0.3, 0.4, *HIGH), (*LOW, 0.3, -0.4)]
 DOCK = [(4.0, -0.3, 4.0, 0.3), (3.6, 0.62, 4.0, 0.62), (3.6, 0.62, 3.6, 1.5)]
 """Walls: a room, a box in it, a dock and two walls beside it."""
+
+
+def ray_ranges(pose, walls, discs, angles):
+    """Ranges of beams at angles from a pose to segments (n, 4) and discs (n, 3)."""
+    walls, discs = np.reshape(walls, (-1, 4)), np.reshape(discs, (-1, 3))
+    c, s = np.cos(angles + pose[2])[:, None], np.sin(angles + pose[2])[:, None]
+    start, way = walls[:, :2] - pose[:2], walls[:, 2:] - walls[:, :2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cross = c * way[:, 1] - s * way[:, 0]
+        along = (start[:, 0] * way[:, 1] - start[:, 1] * way[:, 0]) / cross
+        share = (start[:, 0] * s - start[:, 1] * c) / cross
+    hits = (share >= 0.0) & (share <= 1.0) & (along > 0.0)
+    found = np.where(hits, along, np.inf).min(axis=1, initial=np.inf)
+    x, y = (discs[:, :2] - pose[:2]).T
+    along, across = x * c + y * s, x * s - y * c
+    inside = discs[:, 2] ** 2 - across**2
+    hits = (inside > 0.0) & (along > 0.0)
+    near = np.where(hits, along - np.sqrt(np.maximum(inside, 0.0)), np.inf)
+    return np.minimum(found, near.min(axis=1, initial=np.inf))
 
 
 class World:
@@ -35,22 +54,8 @@ class World:
 
     def ranges(self, beams, far=10.0, noise=0.0, rng=None):
         """Ranges (beams,) all round from the axle, the first behind; free: inf."""
-        angles = self.pose[2] - math.pi + 2.0 * math.pi / beams * np.arange(beams)
-        c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
-        start, way = self.walls[:, :2] - self.pose[:2], self.walls[:, 2:]
-        way = way - self.walls[:, :2]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            cross = c * way[:, 1] - s * way[:, 0]
-            along = (start[:, 0] * way[:, 1] - start[:, 1] * way[:, 0]) / cross
-            share = (start[:, 0] * s - start[:, 1] * c) / cross
-        hits = (share >= 0.0) & (share <= 1.0) & (along > 0.0)
-        found = np.where(hits, along, np.inf).min(axis=1, initial=np.inf)
-        x, y = (self.people[:, :2] - self.pose[:2]).T
-        along, across = x * c + y * s, x * s - y * c
-        inside = self.people[:, 2] ** 2 - across**2
-        hits = (inside > 0.0) & (along > 0.0)
-        near = np.where(hits, along - np.sqrt(np.maximum(inside, 0.0)), np.inf)
-        found = np.minimum(found, near.min(axis=1, initial=np.inf))
+        angles = 2.0 * math.pi / beams * np.arange(beams) - math.pi
+        found = ray_ranges(self.pose, self.walls, self.people[:, :3], angles)
         if noise:
             found = found + noise * rng.standard_normal(beams)
         return np.where(found > far, np.inf, found)
