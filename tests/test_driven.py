@@ -33,10 +33,6 @@ def test_gaps_are_those_of_the_oracles(footprint, one, other):
     if one != other and abs(expected) > 1e-9:
         assert (gap <= 0.0) == (expected < 0.0)
         assert gap <= 0.0 or gap == pytest.approx(expected, abs=1e-12)
-    if gap < -1e-6 and math.dist(one, other) > 1e-6:
-        difference = [np.array(e) - c for e in (one, other) for c in corners]
-        hull = shapely.MultiPoint(difference).convex_hull
-        assert -gap == pytest.approx(hull.exterior.distance(shapely.Point(0, 0)))
 
 
 @given(places, st.floats(-2, 2), st.floats(-1, 1), st.floats(-2, 2), times)
