@@ -8,6 +8,7 @@ import pytest
 import shapely.affinity
 
 import qpavoid as qp
+from guided import HOME, loop
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.kinematics import arc
 from qpavoid.tracking.path import CubicPath
@@ -15,23 +16,19 @@ from qpavoid.tracking.path import CubicPath
 ROBOT = qp.Robot.mir100()
 SETTINGS = qp.AvoidanceSettings()
 DT = SETTINGS.dt
-HERE = (0.0, 0.0, 0.0)
 FRONT = ROBOT.footprint.vertices[:, 0].max()
 
 
-def drive(guide, world, seconds, pose=(0.0, 0.0, 0.0)):
+def drive(guide, world, seconds, pose=HOME):
     """Poses, decisions and the time at which the goal was reached."""
-    poses, decisions = [pose], []
-    for k in range(round(seconds / DT)):
-        now = world(k * DT) if callable(world) else world
-        decision = guide.step(pose, now.seen_from(pose))
-        pose = arc(*pose, decision.v, decision.omega, DT)
-        poses.append(pose)
-        decisions.append(decision)
+
+    def is_there(pose):
         away, turn = guide.left(pose)
-        if away < 0.01 and turn < 0.02:
-            break
-    return np.array(poses), decisions, DT * len(decisions)
+        return away < 0.01 and turn < 0.02
+
+    rows = loop(guide, seconds, world, start=pose, until=is_there)
+    poses = np.array([pose, *(row.pose for row in rows)])
+    return poses, [row.step for row in rows], DT * len(rows)
 
 
 def crossing(time):
@@ -216,7 +213,7 @@ def test_before_somebody_who_gives_way_a_yielding_guide_does_not_retreat():
     """A person who walks up to the robot, follows it, and stops 0.25 m before it."""
     backs = []
     for yielding in (False, True):
-        guide, pose, person, least = qp.Guide(ROBOT, yielding=yielding), HERE, 3.0, 0.0
+        guide, pose, person, least = qp.Guide(ROBOT, yielding=yielding), HOME, 3.0, 0.0
         guide.go_to(pose, (6.0, 0.0, 0.0))
         for _ in range(round(6.0 / DT)):
             nearest = pose[0] + FRONT + 0.25 + 0.3
@@ -243,9 +240,9 @@ def test_to_a_yielding_guide_everything_is_at_rest(kind):
     ahead = qp.AvoidanceSettings(ahead=qp.LookAhead(horizon=0.5, horizon_still=0.5))
     guides = qp.Guide(ROBOT, yielding=True), qp.Guide(ROBOT, ahead, short)
     for guide in guides:
-        guide.go_to(HERE, (6.0, 0.0, 0.0))
+        guide.go_to(HOME, (6.0, 0.0, 0.0))
     for _ in range(20):
-        one, other = guides[0].step(HERE, seen), guides[1].step(HERE, seen.at_rest())
+        one, other = guides[0].step(HOME, seen), guides[1].step(HOME, seen.at_rest())
         assert one[:2] == other[:2]
 
 

@@ -3,8 +3,6 @@
 import copy
 import math
 import pickle
-from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -12,58 +10,12 @@ import shapely
 import shapely.affinity
 
 import qpavoid as qp
+from guided import FREE, HOME, cart, loop
 from qpavoid.avoidance.inputs import Stamps
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.kinematics import arc
 
-FREE = qp.Obstacles()
-HOME = (0.0, 0.0, 0.0)
 SIGMA = np.array([0.02, 0.02, math.radians(0.5)])
-LIMITS = qp.Limits(-0.3, 0.6, -1.2, 1.2, 1.0, 2.5)
-
-
-def cart(**limits):
-    outline = qp.Footprint.rectangle(0.6, 0.45)
-    return qp.Robot("cart", outline, replace(LIMITS, **limits))
-
-
-class Row(NamedTuple):
-    """One step: time, true pose, command, motion, blocked."""
-
-    time: float
-    pose: tuple
-    command: tuple
-    moved: tuple
-    blocked: bool
-
-
-def turning(pose, twist, dt):
-    """The pose after an arc, in ten straight pieces."""
-    x, y, heading = pose
-    for _ in range(10):
-        heading += 0.05 * dt * twist[1]
-        x += 0.1 * dt * twist[0] * math.cos(heading)
-        y += 0.1 * dt * twist[0] * math.sin(heading)
-        heading += 0.05 * dt * twist[1]
-    return x, y, heading
-
-
-def loop(guide, seconds, world=lambda time: FREE, *, start=HOME, **faults):
-    """Rows; ``noise(k)`` of the pose, ``motors(twist)``, steps of ``late`` twists."""
-    dt, pose, rows = guide.settings.dt, start, []
-    noise, motors = faults.get("noise"), faults.get("motors", lambda twist: twist)
-    late = [(0.0, 0.0)] * faults.get("late", 0)
-    for k in range(round(seconds / dt)):
-        at = pose if noise is None else tuple(np.add(pose, noise(k)))
-        told = {"driven": late[0]} if late else {}
-        step = guide.step(at, world(k * dt).seen_from(pose), **told)
-        assert step.status is not qp.Status.INVALID, step.problem
-        moved = motors((step.v, step.omega))
-        late = [*late[1:], moved] if late else []
-        pose = turning(pose, moved, dt)
-        blocked = step.status is qp.Status.BLOCKED
-        rows.append(Row(k * dt, pose, (step.v, step.omega), moved, blocked))
-    return rows
 
 
 def driven(rows):
@@ -293,7 +245,7 @@ def test_a_filter_commands_nothing_within_the_dead_band(dead, late):
         step = safety.step(*wanted, seen, driven=told[0] if late else None)
         v, omega, inside = abs(step.v), abs(step.omega), step[:2] == (0.0, 0.0)
         assert inside or (v and v >= dead[0]) or (omega and omega >= dead[1])
-        pose = turning(pose, step[:2], 0.05)
+        pose = arc(*pose, *step[:2], 0.05)
         told = [*told[1:], step[:2]]
         least, fastest = min(least, step.clearance), max(fastest, v)
     assert least > safety.settings.radius.r_min_slow - 1e-3

@@ -8,26 +8,20 @@ import pytest
 
 import qpavoid as qp
 import station
+from guided import LIMITS, cart, loop
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.kinematics import arc
 
-LIMITS = qp.Limits(-0.3, 0.6, -1.2, 1.2, 1.0, 2.5)
 
-
-def park(limits, begin, goal, seconds, **more):
+def park(limits, begin, goal, seconds, dt=0.05, settings=(), **how):
     """(n, 5) of the last minute: left of the way and turn, twist, blocked."""
-    dt, world = more.get("dt", 0.05), more.get("world", lambda t: qp.Obstacles())
-    settings = qp.AvoidanceSettings(dt=dt, **more.get("settings", {}))
-    robot = qp.Robot("cart", qp.Footprint.rectangle(0.6, 0.45), limits)
-    guide, pose, rows = qp.Guide(robot, settings), begin, []
+    settings = qp.AvoidanceSettings(dt=dt, **dict(settings))
+    guide = qp.Guide(replace(cart(), limits=limits), settings)
     if begin != goal:
         guide.go_to(begin, goal, 0.3)
-    for k in range(round(seconds / dt)):
-        seen = np.add(pose, more.get("noise", lambda k: (0.0, 0.0, 0.0))(k))
-        d = guide.step(seen, world(k * dt).seen_from(pose))
-        rows.append((*guide.left(pose), d.v, d.omega, d.status is qp.Status.BLOCKED))
-        pose = arc(*pose, *more.get("motors", lambda v, w: (v, w))(d.v, d.omega), dt)
-    return np.array(rows)[-round(60.0 / dt) :]
+    rows = loop(guide, seconds, start=begin, **how)
+    told = [(*guide.left(row.pose), *row.command, row.blocked) for row in rows]
+    return np.array(told)[-round(60.0 / dt) :]
 
 
 @pytest.mark.parametrize("away", [0.04, 0.2, 0.6])
@@ -41,7 +35,8 @@ def test_pushed_away_it_comes_back(away):
 @pytest.mark.parametrize("dead", [0.05, 0.08])
 @pytest.mark.parametrize("goal", [(3.0, 1.0, 0.5), (0.0, 0.0, 0.3), (0.4, 0.4, 0.0)])
 def test_wheels_with_a_dead_band_arrive_and_rest(goal, dead, dt):
-    def motors(v, omega):
+    def motors(twist):
+        v, omega = twist
         wheels = v - 0.2 * omega, v + 0.2 * omega
         left, right = (w if abs(w) >= dead else 0.0 for w in wheels)
         return 0.5 * (left + right), (right - left) / 0.4

@@ -6,35 +6,24 @@ import numpy as np
 import pytest
 
 import qpavoid as qp
+from guided import FREE, HOME, cart, loop
 from qpavoid.avoidance.inputs import FaultError, Stamps
 from qpavoid.errors import InvalidInputError, QPAvoidError
 from qpavoid.guide.headway import start_row
-from qpavoid.model.kinematics import arc
 from qpavoid.tracking.path import SplinePath
 
 DT = 0.05
 SETTINGS = qp.AvoidanceSettings(dt=DT)
-FREE = qp.Obstacles()
 WALL = qp.Obstacles(points=[(4.0, 0.02 * k) for k in range(-60, 61)])
 LINE = np.column_stack([np.linspace(0.0, 8.0, 161), np.zeros(161)])
 
 
-def cart(v_max=0.6, acceleration=1.0):
-    limits = qp.Limits(-0.3, v_max, -1.2, 1.2, acceleration, 2.5)
-    return qp.Robot("cart", qp.Footprint.rectangle(0.6, 0.45), limits)
-
-
 def drive(send, world=FREE, seconds=60.0, goal=(8.0, 0.0), robot=None):
     """Poses and decisions; ``send(guide, k, poses)`` is called before every step."""
-    guide, poses, decisions = qp.Guide(robot or cart(), SETTINGS), [(0.0, 0.0, 0.0)], []
-    for k in range(round(seconds / DT)):
-        send(guide, k, poses)
-        now = world(k * DT) if callable(world) else world
-        decisions.append(guide.step(poses[-1], now.seen_from(poses[-1])))
-        poses.append(arc(*poses[-1], *decisions[-1][:2], DT))
-        if math.dist(poses[-1][:2], goal) < 0.15:
-            break
-    return np.array(poses), decisions
+    guide = qp.Guide(robot or cart(), SETTINGS)
+    near = lambda pose: math.dist(pose[:2], goal) < 0.15  # noqa: E731
+    rows = loop(guide, seconds, world, send=send, until=near)
+    return np.array([HOME, *(row.pose for row in rows)]), [row.step for row in rows]
 
 
 TURN = np.linspace(-0.5, 0.5, 40)[:, None] * math.pi
@@ -134,13 +123,13 @@ def test_the_speed_is_a_cap_in_every_stage(world, path):
         elif k == 0:
             guide.follow(path, 0.3)
 
-    poses, decisions = drive(send, world, 70.0, robot=cart(2.0))
+    poses, decisions = drive(send, world, 70.0, robot=cart(v_max=2.0))
     assert max(abs(d.v) for d in decisions) < 0.33
     assert math.dist(poses[-1, :2], (8.0, 0.0)) < 0.2
 
 
 def test_it_speeds_up_from_the_twist_that_is_measured():
-    guide, x, real, rise = qp.Guide(cart(0.6, 0.5), SETTINGS), 0.0, 0.0, []
+    guide, x, real, rise = qp.Guide(cart(acceleration=0.5), SETTINGS), 0.0, 0.0, []
     guide.go_to((0.0, 0.0, 0.0), (8.0, 0.0, 0.0))
     for k in range(200):
         decision = guide.step((x, 0.0, 0.0), driven=(real, 0.0))
