@@ -7,7 +7,6 @@ import pytest
 import shapely
 from numpy.testing import assert_allclose, assert_array_equal
 
-from obstacle_scene import scene
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.capsules import (
     OWNER,
@@ -19,6 +18,7 @@ from qpavoid.model.capsules import (
     speed_bound,
 )
 from qpavoid.model.obstacles import NO_CAPSULES, Obstacles
+from shapes import every_kind
 
 TRIANGLE = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 1.0]])
 
@@ -43,7 +43,7 @@ def test_polygons_must_be_finite(bad):
 
 
 def test_what_was_given_is_told_again():
-    given = scene(np.random.default_rng(1))
+    given = every_kind(np.random.default_rng(1))
     obstacles = Obstacles(**given)
     assert len(obstacles) == 10 and len(obstacles.capsules) == 18
     for name, value in given.items():
@@ -55,7 +55,7 @@ def test_what_was_given_is_told_again():
 
 
 def test_the_pivot_of_a_polygon_is_the_centroid_of_its_area():
-    given = scene(np.random.default_rng(2))
+    given = every_kind(np.random.default_rng(2))
     obstacles = Obstacles(**given)
     for chain, corners in zip(obstacles.chains[4:], given["polygons"], strict=True):
         middle = shapely.Polygon(corners).centroid
@@ -70,7 +70,7 @@ def test_the_pivot_of_a_polygon_is_the_centroid_of_its_area():
 @pytest.mark.parametrize("time", [0.0, 0.7, -2.0])
 def test_obstacles_move_and_turn(time):
     """Oracle: complex numbers."""
-    given = scene(np.random.default_rng(3))
+    given = every_kind(np.random.default_rng(3))
     world = Obstacles(**given)
     moved = world.moved(time)
     for name in ("disc", "wall"):
@@ -94,7 +94,7 @@ def test_obstacles_move_and_turn(time):
 
 
 def test_no_point_is_faster_than_the_bound():
-    world = Obstacles(**scene(np.random.default_rng(4)))
+    world = Obstacles(**every_kind(np.random.default_rng(4)))
     h = 1e-6
     later, bounds = world.moved(h).capsules, []
     for i, row in enumerate(world.capsules):
@@ -108,7 +108,7 @@ def test_no_point_is_faster_than_the_bound():
 
 
 def test_discs_round_everything():
-    world = Obstacles(**scene(np.random.default_rng(5)))
+    world = Obstacles(**every_kind(np.random.default_rng(5)))
     discs = world.as_discs
     assert len(discs) == len(world) and len(discs.capsules) == 7
     assert_array_equal(discs.discs[:2], world.discs)
@@ -138,7 +138,7 @@ def test_within_keeps_what_is_near_and_what_is_round_the_robot():
 
 def test_tables_are_joined_and_numbered_anew():
     rng = np.random.default_rng(6)
-    one, other = Obstacles(**scene(rng)), Obstacles(**scene(rng))
+    one, other = Obstacles(**every_kind(rng)), Obstacles(**every_kind(rng))
     both = one.joined(other)
     assert len(both) == len(one) + len(other) - len(other.points)
     assert_array_equal(both.polygons[4], other.polygons[1])
@@ -149,7 +149,7 @@ def test_tables_are_joined_and_numbered_anew():
 
 
 def test_speeds_are_those_of_whole_obstacles():
-    world = Obstacles(**scene(np.random.default_rng(7)))
+    world = Obstacles(**every_kind(np.random.default_rng(7)))
     for i, speed in enumerate(world.speeds):
         owner = world.capsules[:, OWNER] == world.capsules[i, OWNER]
         bounds = [speed_bound(world.capsules, j) for j in np.flatnonzero(owner)]

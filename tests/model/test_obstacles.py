@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from obstacle_scene import scene
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.capsules import OWNER, PIVOT_X, PIVOT_Y
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.obstacles import Obstacles
+from shapes import every_kind
 
 SQUARE = Footprint.rectangle(2.0, 2.0)
 
@@ -141,7 +141,7 @@ def test_negative_radii_are_refused_and_zero_is_a_point():
 )
 def test_seen_from_a_pose(pose, seed):
     """Oracle: complex numbers; radii and turns stay."""
-    world = Obstacles(**scene(np.random.default_rng(seed)))
+    world = Obstacles(**every_kind(np.random.default_rng(seed)))
     seen, turn = world.seen_from(pose), np.exp(-1j * pose[2])
     places = [(seen.points, world.points)]
     places += zip(seen.polygons, world.polygons, strict=True)

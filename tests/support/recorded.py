@@ -18,11 +18,11 @@ from pathlib import Path
 import numpy as np
 
 from hostile_filters import FILTERS
-from obstacle_scene import regular
 from qpavoid import AvoidanceSettings, Guide, Obstacles, Robot, SafetyFilter
 from qpavoid.avoidance.settings import Actuation, LookAhead, Margins, SafetyRadius
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.model.kinematics import integrate
+from shapes import regular
 
 RECORD = Path(__file__).parents[1] / "recorded.toml"
 MIR = Robot.mir100()
