@@ -18,6 +18,7 @@ from qpavoid.avoidance.inputs import (
     WAITING,
     FaultError,
     Freshness,
+    InputMonitor,
     LastSeen,
     Stamps,
     StepMonitor,
@@ -271,6 +272,10 @@ class SafetyFilter:
         ahead: Look ahead; else only rows of the present are used.
         freshness: Greatest ages of the inputs of :meth:`step`, and when a fault ends.
 
+    Attributes:
+        monitor: Of the inputs of :meth:`step`, with latch, faults and last static map;
+            may be set to one that knows the inputs by other names.
+
     Raises:
         UnknownNameError: No back end of that name.
         MissingExtraError: The back end's package is not installed.
@@ -287,7 +292,8 @@ class SafetyFilter:
         self._robot = robot
         self._settings = settings if settings is not None else AvoidanceSettings()
         self._engine = Engine(robot, self._settings, solver, ahead)
-        self._monitor = StepMonitor(freshness or Freshness(), self._settings.dt)
+        self._freshness = freshness or Freshness()
+        self.monitor: InputMonitor = StepMonitor(self._freshness, self._settings.dt)
         self._braked("", (0.0, 0.0))  # compile now, not in an emergency
 
     def __getstate__(self) -> dict[str, Any]:
@@ -342,12 +348,12 @@ class SafetyFilter:
     @property
     def freshness(self) -> Freshness:
         """Greatest ages of the inputs of :meth:`step`."""
-        return self._monitor.freshness
+        return self._freshness
 
     @property
     def faults(self) -> dict[str, int]:
         """Number of faults in :meth:`step` and :meth:`brake`, by input and reason."""
-        return dict(self._monitor.faults)
+        return dict(self.monitor.faults)
 
     @property
     def plan(self) -> Plan:
@@ -375,7 +381,7 @@ class SafetyFilter:
         driven = as_driven((v, omega), self._engine.setup.robot)
         self._engine.forget()
         self._engine.drives(*driven)
-        self._monitor.last = None
+        self.monitor.last = None
 
     def filter(
         self,
@@ -465,7 +471,7 @@ class SafetyFilter:
             return self._checked(given, named, stamps, age)
         if self._engine.is_elsewhere():
             return self._braked(ELSEWHERE, driven)
-        monitor, engine = self._monitor, self._engine
+        monitor, engine = self.monitor, self._engine
         before = None if monitor.latch.is_open else engine.state.copy()
         found = caught(self._checked, given, named, stamps, age)
         if isinstance(found, BaseException):
@@ -484,13 +490,13 @@ class SafetyFilter:
         age: float,
     ) -> Decision:
         """Return the decision of :meth:`filter` at the age of its inputs."""
-        known, accept = self._monitor.age(stamps, age), named.pop("accept")
+        known, accept = self.monitor.age(stamps, age), named.pop("accept")
         before = self._engine.state if accept is None else self._engine.state.copy()
         found = self.filter(*given, **named, age=known)
         if accept is None or accept(found.v, found.omega):
             return found
         self._engine.state[:] = before
-        self._monitor.last = LastSeen(seen_of(given, named))
+        self.monitor.last = LastSeen(seen_of(given, named))
         halt = self._stopped("", named["driven"])
         return halt._replace(status=Status.BRAKING, clearance=found.clearance)
 
@@ -514,16 +520,16 @@ class SafetyFilter:
         """
         error = QPAvoidError(problem) if isinstance(problem, str) else problem
         if not self._engine.is_elsewhere():
-            self._monitor.allows_after(error)
-            self._monitor.moved(*self._last, self._settings.dt)
+            self.monitor.allows_after(error)
+            self.monitor.moved(*self._last, self._settings.dt)
             if seen is not None:
-                self._monitor.last = LastSeen(seen)
+                self.monitor.last = LastSeen(seen)
         stale = isinstance(error, FaultError) and "odometry" in error.faults
         return self._stopped(problem_of(error), None if stale else driven)
 
     def acknowledge(self) -> None:
         """Let :meth:`step` drive again at once if the fault is over."""
-        self._monitor.latch.acknowledge()
+        self.monitor.latch.acknowledge()
 
     def _stopped(self, problem: str, driven: Any) -> Decision:
         """Stop clear of the last known static obstacles; without any, along the arc."""
@@ -535,7 +541,7 @@ class SafetyFilter:
     def _stop(self, driven: Pair | None) -> Decision | None:
         """Return the filter's decision for a stop; None at rest or on failure."""
         started, engine = perf_counter(), self._engine
-        state, last = self._state_at(driven).copy(), self._monitor.last
+        state, last = self._state_at(driven).copy(), self.monitor.last
         if last is None or engine.is_elsewhere() or not state[:2].any():
             return None
         outcome = engine.step_exactly(HALT, last.standing(), 0.0, state)

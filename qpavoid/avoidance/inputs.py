@@ -378,8 +378,19 @@ class InputMonitor:
         all_of = self.watches.items()
         return {k: x.age(now, steady) for k, x in all_of if k in self.awaited}
 
-    def allows(self, faults: Mapping[str, Fault]) -> bool:
-        """Register the faults of a step; return whether the robot may drive."""
+    def age(self, stamps: Stamps | None, age: float) -> float:
+        """Return the age of a step's obstacles, s, whose stamps are monitored here."""
+        want(stamps is None, "the inputs have a monitor of their own: no stamps")
+        return as_age(age)
+
+    def allows_after(self, error: BaseException | None) -> bool:
+        """Register a step with or without an error; return whether the robot may drive.
+
+        Faults are those of a :class:`FaultError`; of another error that of the step.
+        """
+        faults = error.faults if isinstance(error, FaultError) else {}
+        if error is not None and not faults:
+            faults = {"step": Fault.INVALID}
         for name, fault in faults.items():
             key = f"{name}: {fault}"
             self.faults[key] = self.faults.get(key, 0) + 1
@@ -466,13 +477,6 @@ class StepMonitor(InputMonitor):
             blind = self.watches["points"].judge(Fault.BLIND)
             found.setdefault("points", blind)
         return found
-
-    def allows_after(self, error: BaseException | None) -> bool:
-        """Return whether the robot may drive after a step with or without an error."""
-        faults = error.faults if isinstance(error, FaultError) else {}
-        if error is not None and not faults:
-            faults = {"step": Fault.INVALID}
-        return self.allows(faults)
 
 
 def caught(call: Callable[..., T], /, *given: Any, **named: Any) -> T | BaseException:

@@ -2,20 +2,20 @@
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from qpavoid.avoidance.decision import Decision
+from qpavoid.avoidance.decision import Decision, Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.inputs import (
     WAITING,
     Fault,
     FaultError,
     InputMonitor,
-    LastSeen,
     Latch,
 )
 from qpavoid.errors import InvalidInputError
@@ -150,14 +150,12 @@ class Guard:
             if not leads:
                 never = {"stall_time": NO_STALL, "blocked_time": 2.0 * NO_STALL}
                 patience = replace(patience, **never, yielding=False)
-            # Of scans stamped by their first beam, and of tracks; both are monitored.
-            most = max(fresh.points, fresh.discs) + messages.MOST_SPAN
-            ages = replace(fresh, points=most)
-            given = setup.robot, setup.settings, patience
-            self.guide = Guide(*given, freshness=ages)
+            self.guide = Guide(setup.robot, setup.settings, patience)
             self.safety = self.guide.safety
             self._teleop = modes.Teleop(self.guide, setup.drive, setup.keep)
+        last, self.safety.monitor = self.inputs.last, self.inputs
         self.safety.reset(*self.driven)
+        self.inputs.last = last
         self.tasks.use(self.guide, setup.drive.speed)
         self._fit(setup.robot)
 
@@ -284,10 +282,7 @@ class Guard:
         desired = STANDSTILL if late else self._desired
         ages = self.inputs.ages(now, steady)
         step = GuardStep(*STANDSTILL, desired, None, faults, ages, NO_OBSTACLES, notes)
-        if self.inputs.allows(faults):
-            step = self._decided(step, now, driven)
-        if step.decision is None:
-            step = self._braked(step, self._known(now, faults))
+        step = self._braked(step, now) if faults else self._driving(step, now, driven)
         self.driven = step.v, step.omega
         stands = max(map(abs, self.driven)) < STANDING_TWIST
         self._stood = self._stood + self.setup.settings.dt if stands else 0.0
@@ -312,29 +307,35 @@ class Guard:
                 if blind:
                     self._judge(topic, Fault.BLIND, blind)
 
-    def _decided(self, step: GuardStep, now: float, driven: Twist | None) -> GuardStep:
-        """Call filter or guide; invalid arguments are a fault."""
+    def _driving(self, step: GuardStep, now: float, driven: Twist | None) -> GuardStep:
+        """Call filter or guide, which brake until the latch opens, and on an error."""
+        seen = NO_OBSTACLES
         try:
             seen, pose = self.sensing.obstacles(now), self.odometry.trail.at(now)
             # A scan stamped by its last beam is older than its stamp.
             stamps = self.sensing.stamps.items()
             age = max((max(step.ages[k], now - x) for k, x in stamps), default=0.0)
             asked = self._asked(modes.Request(step.desired, seen), pose)
+        except InvalidInputError as error:
+            decision = self.safety.brake(error, driven)
+        else:
             if asked is None:
                 assert self.guide is not None
-                options: Any = {"age": age, "driven": self.driven, "on_error": "raise"}
-                decision = self.guide.step(pose, seen, **options)
+                decision = self.guide.step(pose, seen, age=age, driven=self.driven)
             else:
                 wanted, seen, note = asked
-                decision = self.safety.filter(*wanted, seen, age=age, driven=driven)
+                decision = self.safety.step(*wanted, seen, age=age, driven=driven)
                 if note:
                     notes = {**step.notes, self.setup.drive.mode: note}
                     step = step._replace(notes=notes)
-        except (InvalidInputError, FaultError) as error:
-            return self._failed(step, "filter", str(error))
-        self.inputs.last = LastSeen(seen)
-        v, omega = decision.v, decision.omega
-        return step._replace(v=v, omega=omega, decision=decision, obstacles=seen)
+        step = step._replace(v=decision.v, omega=decision.omega)
+        if decision.status is not Status.INVALID:
+            return step._replace(decision=decision, obstacles=seen)
+        if decision.problem == WAITING:
+            return step
+        self.errors["filter"] = decision.problem
+        notes = {**step.notes, "filter": decision.problem}
+        return step._replace(faults={"filter": Fault.INVALID}, notes=notes)
 
     def _asked(self, asked: modes.Request, pose: Pose) -> modes.Request | None:
         """Return the request as the mode changes it; None where the guide drives."""
@@ -360,45 +361,24 @@ class Guard:
 
     def brake(self, why: str) -> GuardStep:
         """Return a step that brakes, for any inputs; the latch closes."""
-        ages = dict.fromkeys(self.inputs.awaited, math.inf)
+        ages, self.errors["step"] = dict.fromkeys(self.inputs.awaited, math.inf), why
         step = GuardStep(*STANDSTILL, STANDSTILL, None, {}, ages, NO_OBSTACLES)
-        return self._braked(self._failed(step, "step", why), None)
+        step = step._replace(faults={"step": Fault.INVALID}, notes={"step": why})
+        return self._braked(step, math.nan)
 
     def stop(self) -> None:
         """Set the robot to standing still, without a task; the latch closes."""
         self.tasks.rest()
-        self.inputs.last = None
         self.driven, self.inputs.latch = STANDSTILL, Latch(self.inputs.latch.steps)
         self.safety.reset()
 
-    def _failed(self, step: GuardStep, name: str, why: str) -> GuardStep:
-        """Return a step with a fault that is not of an input; the latch closes."""
-        faults, self.errors[name] = {name: Fault.INVALID}, why
-        self.inputs.allows(faults)
-        return step._replace(faults=faults, notes={**step.notes, name: why})
-
-    def _known(self, now: float, faults: Mapping[str, Fault]) -> Obstacles | None:
-        """Return all obstacles seen last, if the robot's pose is known."""
-        if not self.sensing.stamps or self.wiring.odometry in faults:
-            return None
-        try:
-            return self.sensing.obstacles(now)
-        except InvalidInputError:
-            return None
-
-    def _braked(self, step: GuardStep, seen: Obstacles | None) -> GuardStep:
-        """Stop clear of the last known static obstacles; without any, along the arc.
-
-        Without a pose these are the ones of the last step, moved by the driven twist.
-        """
-        inputs = self.inputs
-        if seen is None:
-            inputs.moved(*self.driven, self.setup.settings.dt)
-        else:
-            inputs.last = LastSeen(seen)
-        still = None if inputs.last is None else Obstacles.of(*inputs.last.standing())
-        v, omega, *_ = self.safety.brake(step.sentence, self.driven, still)
-        self.driven = v, omega
+    def _braked(self, step: GuardStep, now: float) -> GuardStep:
+        """Stop clear of all obstacles seen last; without a pose, of those before."""
+        seen, posed = None, self.wiring.odometry not in step.faults
+        if self.sensing.stamps and posed and math.isfinite(now):
+            with suppress(InvalidInputError):
+                seen = self.sensing.obstacles(now)
+        v, omega, *_ = self.safety.brake(FaultError(step.faults), self.driven, seen)
         return step._replace(v=v, omega=omega)
 
     def _note(self, topic: str, finding: str) -> None:
