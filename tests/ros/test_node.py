@@ -5,8 +5,10 @@ Slow, and on Linux with x86-64 alone: an environment of its own is made of wheel
 
 import json
 import os
+import platform
 import random
 import subprocess
+import sys
 
 import pytest
 
@@ -16,6 +18,17 @@ from places import ROOT
 pytestmark = pytest.mark.slow
 
 PEER = ROOT / "tests" / "support" / "ros_peer.py"
+
+
+@pytest.fixture(scope="session")
+def python():
+    """An environment with rclpy, made once."""
+    if (sys.platform, platform.machine()) != ("linux", "x86_64"):
+        pytest.skip("rclpy's wheels are of Linux on x86-64")
+    try:
+        return ros_environment.make(ros_environment.default_folder())
+    except OSError as error:
+        pytest.skip(f"no environment with rclpy: {error}")
 
 
 def lines(python, *given, **environment):
