@@ -40,6 +40,19 @@ def drive(localiser, plant, steps, start=(1.0, -2.0, 0.4)):
     return np.array(true), np.array(believed)
 
 
+@pytest.mark.parametrize("omega", [0.0, 1e-6, 1e-3, 0.01, -0.8, 3.0])
+@pytest.mark.parametrize("v", [0.0, 0.7, -0.4])
+@pytest.mark.parametrize("dt", [0.05, 0.7])
+def test_jacobians_by_finite_differences(v, omega, dt):
+    heading = 0.8
+    by_pose, by_twist = arc_jacobians(heading, v, omega, dt)
+    at = np.array([0.3, -0.2, heading, v, omega])
+    for i in range(5):
+        h = 1e-5 * np.eye(5)[i]
+        slope = (np.array(arc(*(at + h), dt)) - arc(*(at - h), dt)) / 2e-5
+        assert np.hstack([by_pose, by_twist])[:, i] == pytest.approx(slope, abs=2e-9)
+
+
 @pytest.mark.parametrize("rate", [20.0, 5.0])
 def test_the_covariance_is_true(rate):
     """The normalised error squared is χ² with 3 degrees of freedom."""
