@@ -10,10 +10,7 @@ from scipy.stats import chi2
 from qpavoid.avoidance.decision import STATUSES, Status
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.sensing.lidar import LidarSettings
-from qpavoid.lab.sensing.localisation import (
-    MotionCapture,
-    Uwb,
-)
+from qpavoid.lab.sensing.localisation import MotionCapture, Uwb, arc_jacobians
 from qpavoid.lab.sensing.plant import Plant, wheel_speeds
 from qpavoid.lab.simulation.log import COLUMNS
 from qpavoid.lab.simulation.run import run
