@@ -20,14 +20,7 @@ from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.model.robot import Limits
 from qpavoid.perception.settings import PerceptionSettings
-from qpavoid.settings import (
-    FINITE,
-    NO_KEY,
-    POSITIVE,
-    Range,
-    check,
-    declared,
-)
+from qpavoid.settings import FINITE, NO_KEY, POSITIVE, Range, check, declared
 from qpavoid.tracking.clock import Waiting
 from qpavoid.tracking.kanayama import Gains
 from qpavoid.tracking.station import StationKeeping

@@ -8,13 +8,7 @@ import shapely.affinity
 from hypothesis import given
 from hypothesis import strategies as st
 
-from driven import (
-    driven_to,
-    gap_at,
-    least_of,
-    lines_of,
-    point_gap,
-)
+from driven import driven_to, gap_at, least_of, lines_of, point_gap
 from oracles import point_distance, wall_distance
 from shapes import convex, places
 

@@ -11,12 +11,7 @@ import pytest
 
 from qpavoid import files
 from qpavoid.cli import main
-from qpavoid.errors import (
-    ConfigError,
-    DataError,
-    QPAvoidError,
-    UnknownNameError,
-)
+from qpavoid.errors import ConfigError, DataError, QPAvoidError, UnknownNameError
 from qpavoid.lab.scenario.config import find_config
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.worlds.map_server import read_image, read_map

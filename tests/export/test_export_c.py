@@ -10,13 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hostile_filters import (
-    CAPACITY,
-    FILTERS,
-    LOOPS,
-    in_python,
-    problems_of,
-)
+from hostile_filters import CAPACITY, FILTERS, LOOPS, in_python, problems_of
 from in_c import COMPILER, STRICT
 from qpavoid import Footprint, Robot
 from qpavoid.avoidance.decision import BRAKING, HOLDING, PLANNED

@@ -13,12 +13,7 @@ from problem_bank import qp
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.errors import MissingExtraError, UnknownNameError
-from qpavoid.qp.backends import (
-    BACK_ENDS,
-    back_end_names,
-    find_back_end,
-    is_installed,
-)
+from qpavoid.qp.backends import BACK_ENDS, back_end_names, find_back_end, is_installed
 from qpavoid.qp.problem import SolveStatus
 from qpavoid.qp.solve import solve
 

@@ -17,14 +17,7 @@ from qpavoid.lab.study.replay import read_parameters
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.ros.guard import Guard
-from qpavoid.ros.parameters import (
-    PRESETS,
-    TABLES,
-    Wiring,
-    defaults,
-    preset,
-    setup_of,
-)
+from qpavoid.ros.parameters import PRESETS, TABLES, Wiring, defaults, preset, setup_of
 from qpavoid.ros.report import ERROR, OK, WARN, diagnose, markers
 
 SHIPPED = sorted((ROOT / "configs" / "ros").glob("[!s]*.yaml"))

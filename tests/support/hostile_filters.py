@@ -6,13 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from qpavoid import (
-    AvoidanceSettings,
-    InvalidInputError,
-    Repulsion,
-    Robot,
-    SafetyFilter,
-)
+from qpavoid import AvoidanceSettings, InvalidInputError, Repulsion, Robot, SafetyFilter
 from qpavoid.avoidance.decision import INVALID
 from qpavoid.avoidance.inputs import as_driven
 from qpavoid.export.write import Capacity

@@ -8,11 +8,7 @@ from baselines import HEAVY, HERE, SETTINGS, following, make
 from qpavoid.avoidance.decision import Status
 from qpavoid.lab.baselines import nmpc
 from qpavoid.lab.baselines.drive import body_discs, reference_ahead, wide_discs
-from qpavoid.lab.baselines.mppi import (
-    Judgement,
-    depth_within,
-    rollout,
-)
+from qpavoid.lab.baselines.mppi import Judgement, depth_within, rollout
 from qpavoid.lab.baselines.predictive import Situation
 from qpavoid.model.capsules import RADIUS
 from qpavoid.model.footprint import Footprint

@@ -9,9 +9,7 @@ from hypothesis import strategies as st
 
 from baselines import AHEAD, SETTINGS, following, make
 from qpavoid.lab.baselines.drive import round_robot, wide_discs
-from qpavoid.lab.baselines.orca import (
-    Near,
-)
+from qpavoid.lab.baselines.orca import Near
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.study.metrics import metrics

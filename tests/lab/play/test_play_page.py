@@ -17,12 +17,7 @@ from qpavoid.cli import main
 from qpavoid.errors import MissingExtraError, QPAvoidError, UnknownNameError
 from qpavoid.export.build import zig
 from qpavoid.lab.play import program as programs
-from qpavoid.lab.play.page import (
-    METHODS,
-    as_json,
-    play_page,
-    scene,
-)
+from qpavoid.lab.play.page import METHODS, as_json, play_page, scene
 from qpavoid.lab.play.program import Program, program
 from qpavoid.lab.scenario.scenario import load_scenario, make_scenario
 from qpavoid.lab.simulation.run import run

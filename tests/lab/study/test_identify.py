@@ -12,13 +12,7 @@ from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.study.bags import BagWriter
-from qpavoid.lab.study.identify import (
-    Response,
-    bagged,
-    drive_of,
-    identify,
-    paired,
-)
+from qpavoid.lab.study.identify import Response, bagged, drive_of, identify, paired
 
 TRUE = {
     "delay": 0.11,

@@ -19,13 +19,7 @@ from qpavoid.errors import DataError, InvalidInputError, UnknownNameError
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.study.bags import BagWriter, Event, Recording, bag_drive
 from qpavoid.lab.study.identify import bagged, identify
-from qpavoid.lab.study.replay import (
-    PIONEER,
-    replay,
-    robot_of,
-    setup_for,
-    summary,
-)
+from qpavoid.lab.study.replay import PIONEER, replay, robot_of, setup_for, summary
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.ros.parameters import Wiring
 

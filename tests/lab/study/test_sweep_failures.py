@@ -14,12 +14,7 @@ pytest.importorskip("pyarrow", reason="needs qpavoid[study]")
 from qpavoid.cli import main
 from qpavoid.errors import DataError
 from qpavoid.lab.study.sweep import engine, store
-from qpavoid.lab.study.sweep.store import (
-    Store,
-    read_provenance,
-    read_rows,
-    shards,
-)
+from qpavoid.lab.study.sweep.store import Store, read_provenance, read_rows, shards
 from sweep_sources import DOCUMENT, toml
 
 SLOW = """
