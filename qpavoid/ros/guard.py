@@ -29,7 +29,6 @@ from qpavoid.ros.messages import UNREADABLE
 from qpavoid.ros.odometry import Odometry
 from qpavoid.ros.parameters import TF, GuardSetup, Wiring
 from qpavoid.ros.sensing import ORIGIN, Sensing
-from qpavoid.ros.trail import Trail
 from qpavoid.settings import want
 from qpavoid.types import Array, Pose, Twist
 
@@ -204,12 +203,13 @@ class Guard:
         odometry, fault = self.odometry, None
         jump = odometry.jump(stamp, pose)
         if jump:
-            self.sensing.rebase(odometry.trail.at(stamp), pose)
-            odometry.trail, fault = Trail(), Fault.JUMPED
+            self.sensing.rebase(odometry.at(stamp), pose)
+            odometry.forget()
+            fault = Fault.JUMPED
             self._jumps[topic] = self.errors[topic] = jump
             if self.wiring.tracks:
                 self.inputs.watches[self.wiring.tracks].judge(fault)
-        wrong = odometry.record(stamp, pose, twist)
+        wrong = odometry.measure(stamp, pose, twist)
         return self._judge(topic, Fault.IMPLAUSIBLE, wrong) if wrong else fault
 
     def transforms(
@@ -232,7 +232,7 @@ class Guard:
             if seen.frame != self.wiring.base_frame:  # its place is of another time
                 if corners.shape == known.shape:
                     off = spans(corners) - spans(known)
-                back = relative(self.odometry.trail.at(seen.stamp), ORIGIN)
+                back = relative(self.odometry.at(seen.stamp), ORIGIN)
                 rows = self.sensing.frames.poses_in(self.wiring.odom_frame, seen)
                 corners = to_world(rows[:, :2], back)
             if np.abs(off).max() > OUTLINE_MOVED:
@@ -288,8 +288,7 @@ class Guard:
         self._stood = self._stood + self.setup.settings.dt if stands else 0.0
         self.sensing.drives(*self.driven)
         if not self.wiring.odometry:
-            trail = self.odometry.trail
-            trail.record(now, trail.at(now), self.driven)
+            self.odometry.record(now, self.odometry.at(now), self.driven)
         return step
 
     def _read(self, now: float, steady: float) -> None:
@@ -311,7 +310,7 @@ class Guard:
         """Call filter or guide, which brake until the latch opens, and on an error."""
         seen = NO_OBSTACLES
         try:
-            seen, pose = self.sensing.obstacles(now), self.odometry.trail.at(now)
+            seen, pose = self.sensing.obstacles(now), self.odometry.at(now)
             # A scan stamped by its last beam is older than its stamp.
             stamps = self.sensing.stamps.items()
             age = max((max(step.ages[k], now - x) for k, x in stamps), default=0.0)

@@ -266,7 +266,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         self._due = steady + self._wiring.dt_s
         self._wait(self._wiring.dt_s * (1.0 + guard.setup.settings.actuation.jitter))
         measured = self._wiring.driven_from_odometry or guard.wiring.role == "guide"
-        driven = guard.odometry.trail.twist if measured else None
+        driven = guard.odometry.twist if measured else None
         try:
             step = guard.step(now, steady, driven)
         except Exception as error:

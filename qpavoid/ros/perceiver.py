@@ -13,7 +13,7 @@ from qpavoid.model.robot import Robot
 from qpavoid.perception.perception import Explanation, Perception
 from qpavoid.perception.settings import STEEP, Lidar, NoEcho, PerceptionSettings
 from qpavoid.ros.messages import RANGE_ROUNDING, Fan, Sight
-from qpavoid.ros.trail import Trail
+from qpavoid.ros.odometry import Trail
 from qpavoid.ros.transform import Transform
 from qpavoid.types import Array, Pose
 
@@ -66,7 +66,7 @@ class Perceiver:
         self.perception: Perception | None = None
         self.taken, self._beams, self._latest = set[str](), dict[str, int](), -math.inf
 
-    def take(self, topic: str, seen: Sight, place: Transform, trail: Trail) -> str:
+    def take(self, topic: str, seen: Sight, place: Transform, poses: Trail) -> str:
         """Enter a message into the map; return what is wrong, or an empty string.
 
         Args:
@@ -74,7 +74,7 @@ class Perceiver:
             seen: Points (n, 2) of a cloud on the base, m, or the beams of a scan;
                 without those of the robot itself.
             place: Of the sensor's frame on the base.
-            trail: Poses of the robot by odometry.
+            poses: Of the robot by odometry.
         """
         if seen.stamp < self._latest - SETBACK:
             self.forget()
@@ -95,8 +95,8 @@ class Perceiver:
         known = self.perception.lidars.get(topic)
         if known is None or note or not is_same(known, lidar):
             self.perception.set_lidar(topic, lidar)
-        pose = trail.at(seen.stamp)
-        v, omega = trail.twist_to(seen.stamp, pose).tolist()
+        pose = poses.at(seen.stamp)
+        v, omega = poses.twist_to(seen.stamp, pose).tolist()
         points = None if values is not None else seen.points - lidar.mount[:2]
         try:
             scan = values, seen.stamp, pose, points

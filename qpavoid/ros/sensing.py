@@ -12,10 +12,9 @@ from qpavoid.model.obstacles import NO_OBSTACLES, NO_POINTS, Obstacles
 from qpavoid.ros import mask
 from qpavoid.ros.frames import Frames
 from qpavoid.ros.messages import READERS, Fan, Poses, Sight, Tracks
-from qpavoid.ros.odometry import Odometry
+from qpavoid.ros.odometry import Odometry, placed
 from qpavoid.ros.parameters import GuardSetup, Wiring
 from qpavoid.ros.perceiver import Perceiver
-from qpavoid.ros.trail import placed
 from qpavoid.ros.transform import Transform
 from qpavoid.types import Array, Pose
 
@@ -124,7 +123,7 @@ class Sensing:
 
         Of a message in the map only echoes at the outline are added to the map's.
         """
-        here = self._odometry.trail.at(now)
+        here = self._odometry.at(now)
         found, back = self.perceiver.obstacles(now, here), relative(here, ORIGIN)
         points, outline = [found.points], self._setup.robot.footprint
         for topic, ground in self._ground.items():
@@ -180,16 +179,16 @@ class Sensing:
             self._note(topic, "a point has entered the outline")
         if why:
             return why
-        after, trail = seen.after[: len(own)][~own], self._odometry.trail
+        after, poses = seen.after[: len(own)][~own], self._odometry
         if after.any():
-            ground = placed(flat[~own], trail.along(seen.stamp + after))
+            ground = placed(flat[~own], poses.along(seen.stamp + after))
         else:
-            ground = to_world(flat[~own], trail.at(seen.stamp))
+            ground = to_world(flat[~own], poses.at(seen.stamp))
         self._ground[topic] = ground
         self.perceiver.taken.discard(topic)
         if posed and self._setup.perception.enabled:
             around = seen._replace(points=flat[~(own | inside)])
-            note = self.perceiver.take(topic, around, place, trail)
+            note = self.perceiver.take(topic, around, place, poses)
             if note:
                 self._note(topic, note)
         return ""
@@ -199,7 +198,7 @@ class Sensing:
         if seen.fan is None or not posed:
             self._scanned.pop(topic, None)
             return ""
-        here, ranges = self._odometry.trail.at(seen.stamp), seen.fan.ranges
+        here, ranges = self._odometry.at(seen.stamp), seen.fan.ranges
         known, there = self._scanned.get(topic, (b"", here))
         if (now := ranges.tobytes()) != known:
             self._scanned[topic] = now, here
@@ -222,7 +221,7 @@ class Sensing:
             return
         before = np.vstack([before, self._ground.get(topic, NO_POINTS)])
         footprint = self._setup.robot.footprint
-        pose, away = self._odometry.trail.at(seen.stamp), self._away
+        pose, away = self._odometry.at(seen.stamp), self._away
         known = to_world(before, relative(pose, ORIGIN))
         kept = np.hypot(*known.T) < footprint.circumradius + away + AROUND
         kept &= mask.hidden(known, fan, beams, place)
@@ -265,7 +264,7 @@ class Sensing:
             place, lift = self._place(seen), np.zeros((len(discs), 1))
             centres = place.apply(np.hstack([discs[:, :2], lift]))[:, :2]
             velocities = (np.hstack([velocities, lift]) @ place.rotation.T)[:, :2]
-            x, y, heading = self._odometry.trail.at(seen.stamp)
+            x, y, heading = self._odometry.at(seen.stamp)
             centres = to_world(centres, (x, y, heading))
             velocities = to_world(velocities, (0.0, 0.0, heading))
             discs = np.column_stack([centres, discs[:, 2]])

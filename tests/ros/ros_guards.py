@@ -58,7 +58,7 @@ class Loop:
             guard.see("odom", ros.odometry(self.now, world.pose.tolist(), *twist), *now)
         if command or self.command is not None:
             guard.command(ros.twist(*(command or self.command)), *now)
-        driven = guard.odometry.trail.twist if self.by_odometry else None
+        driven = guard.odometry.twist if self.by_odometry else None
         step = guard.step(*now, driven)
         world.drive(step.v, step.omega, DT)
         self.steps.append(step)

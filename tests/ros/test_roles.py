@@ -231,7 +231,7 @@ def test_a_footprint_that_is_published_counts_and_a_wrong_one_does_not():
     known = loop.guard.setup.robot.footprint.vertices
     np.testing.assert_allclose(known, clockwise[::-1])
     c, s = math.cos(0.5), math.sin(0.5)
-    placed = clockwise @ [[c, s], [-s, c]] + loop.guard.odometry.trail.at(loop.now)[:2]
+    placed = clockwise @ [[c, s], [-s, c]] + loop.guard.odometry.at(loop.now)[:2]
     loop.guard.outline(polygon(placed, "odom"))
     assert loop.guard.setup.robot.footprint.vertices is known, "the same, in odom"
     loop.guard.change(setup(SMALL))

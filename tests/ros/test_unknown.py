@@ -185,7 +185,7 @@ def test_a_twist_that_its_poses_do_not_show_is_a_fault(told):
     loop.told, x = (told, 0.0), loop.world.pose[0]
     steps = [loop.step(0.5) for _ in range(30)]
     assert {"odom": Fault.IMPLAUSIBLE} in [step.faults for step in steps]
-    believed, way = loop.guard.odometry.trail.twist[0], loop.world.pose[0] - x
+    believed, way = loop.guard.odometry.twist[0], loop.world.pose[0] - x
     assert abs(believed) < 0.7 and way < 0.7
     assert "that of its poses" in loop.guard.errors["odom"]
 

@@ -209,7 +209,7 @@ def replay(drive: Recording, setup: GuardSetup) -> Replayed:
             guard.see(event.topic, event.message, event.time, event.time)
         if event.topic not in asked:
             continue
-        driven = guard.odometry.trail.twist if drive.wiring.odometry else last
+        driven = guard.odometry.twist if drive.wiring.odometry else last
         step, row = guard.step(event.time, event.time, driven), dict[str, Any]()
         if drive.has_commands:
             last, unread = (0.0, 0.0), {}
@@ -220,9 +220,9 @@ def replay(drive: Recording, setup: GuardSetup) -> Replayed:
                 unread = {"changed": True, "why": UNREAD, "reason": why}
             row = _row(last, step, setup.robot.limits) | unread
         if not drive.wiring.odometry:
-            guard.odometry.trail.twist = last
+            guard.odometry.twist = last
         if all(map(math.isfinite, step.ages.values())):
-            placed = zip(POSE, guard.odometry.trail.at(event.time), strict=True)
+            placed = zip(POSE, guard.odometry.at(event.time), strict=True)
             done.rows.append({"time_s": event.time, **dict(placed), **row})
             done.steps.append(step)
             done.drawn.append(markers(guard, step))

@@ -137,7 +137,7 @@ def test_splits_without_metadata_have_the_static_transforms_of_the_first(
     bag = folder / f"drive_1{file.suffix}" if later else folder
     _, done = run(bag)
     assert len(done.rows) == (40 if later else 80) and done.changed == 0.0
-    assert done.guard.odometry.trail.twist == pytest.approx((0.1, 0.0), abs=1e-6)
+    assert done.guard.odometry.twist == pytest.approx((0.1, 0.0), abs=1e-6)
 
 
 @pytest.mark.parametrize("shift", [0.0, 1.6e9])
@@ -180,7 +180,7 @@ def test_poses_by_tf_and_a_guides_parameters(tmp_path):
     wiring = Wiring(odometry="/tf", role="guide", frames=("base_link",))
     _, done = run(tmp_path / "bag", wiring=wiring._replace(frame_poses=(0.0,) * 6))
     assert len(done.rows) == 40 and done.changed == 0.0
-    assert done.guard.odometry.trail.twist[0] == pytest.approx(0.2, abs=1e-6)
+    assert done.guard.odometry.twist[0] == pytest.approx(0.2, abs=1e-6)
 
 
 def test_commands_before_anything_is_seen_are_left_out():
