@@ -42,17 +42,17 @@ SPACING = 0.1
 """m; grid of the points that bound an unknown sector, one per cell."""
 
 
-def inside(footprint: Footprint, points: Array, margin: float = 0.0) -> Flags:
-    """Return which points (n, 2) lie in a footprint, m.
+def beyond(footprint: Footprint, points: Array) -> Array:
+    """Return the margin (n,), m, by which a footprint is to grow to hold each point.
 
-    Its edges are moved out by a margin, corners by :data:`MITRE` margins at most.
+    Not above 0 inside. Edges move out by the margin, corners by :data:`MITRE` margins
+    at most.
     """
-    edges, starts = footprint.edges, footprint.starts
-    found = np.hypot(*points.T) <= footprint.circumradius + MITRE * margin
-    reach = (edges[:, :2] * edges[:, 2:4]).sum(axis=1) + margin
-    beyond = edges[:, 2:4] @ points[found].T - reach[:, None]
-    found[found] = (np.maximum.reduceat(beyond, starts, axis=0) <= 0.0).any(axis=0)
-    return np.asarray(found)
+    edges, reach = footprint.edges, np.hypot(*points.T) - footprint.circumradius
+    reached = (edges[:, :2] * edges[:, 2:4]).sum(axis=1)
+    out = edges[:, 2:4] @ points.T - reached[:, None]
+    least = np.maximum.reduceat(out, footprint.starts, axis=0).min(axis=0)
+    return np.asarray(np.maximum(least, reach / MITRE))
 
 
 class OwnPlaces:

@@ -20,7 +20,7 @@ from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import TINY, to_world, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.ros.frames import Frames
-from qpavoid.ros.mask import inside
+from qpavoid.ros.mask import beyond
 from qpavoid.ros.messages import UNREADABLE, Poses, read_poses
 from qpavoid.ros.odometry import Odometry
 from qpavoid.settings import POSITIVE, Range, check, want
@@ -99,7 +99,7 @@ def docking(asked: Request, at: Pose, region: Footprint, speed: float) -> Reques
     """
     (v, omega), seen, _ = asked
     places, count = to_world(middles(seen), at), len(seen.points)
-    exempt = inside(region, places)
+    exempt = beyond(region, places) <= 0.0
     kept = ~exempt[count:] | (seen.speeds > TINY)
     rest = Obstacles.of(seen.points[~exempt[:count]], seen.capsules[kept])
     note = f"{exempt[:count].sum()} points in the dock are exempt"

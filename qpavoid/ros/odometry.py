@@ -2,13 +2,12 @@
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
 
 import numpy as np
 
 from qpavoid.model.kinematics import arc, relative, wrap_angle
 from qpavoid.model.robot import Limits
-from qpavoid.types import Array, Pose, Twist
+from qpavoid.types import Array, Pair, Pose, Twist
 
 MOST_POSES = 512
 """Number of poses stored."""
@@ -39,7 +38,8 @@ class Trail:
     def forget(self) -> None:
         """Begin anew, at rest."""
         self._times, self._poses = list[float](), list[Pose]()
-        self._twists, self.twist = list[Twist](), (0.0, 0.0)
+        self._drifts: list[tuple[Pair, Pair]] = []
+        self.twist = self._recorded = (0.0, 0.0)
 
     def record(self, time: float, pose: Pose, twist: Twist) -> None:
         """Store a pose and the twist driven from then on.
@@ -48,10 +48,18 @@ class Trail:
         """
         if self._times and time <= self._times[-1]:
             self.forget()
-        self._twists = [*self._twists[-MOST_POSES:], twist]
-        self._times = [*self._times[-MOST_POSES:], time]
-        self._poses = [*self._poses[-MOST_POSES:], pose]
-        self.twist = twist
+        moved, off = (0.0, 0.0), (0.0, 0.0)
+        if self._times:
+            half, moved = 0.5 * (time - self._times[-1]), leg(self._poses[-1], pose)
+            if 2.0 * half <= GAP:
+                (v, omega), (w, turn) = self._recorded, twist
+                off = half * (v + w) - moved[0], half * (omega + turn) - moved[1]
+        self._drifts.append((off, (abs(moved[0]), abs(moved[1]))))
+        self._times.append(time)
+        self._poses.append(pose)
+        for one in (self._drifts, self._times, self._poses):
+            del one[: -MOST_POSES - 1]
+        self.twist = self._recorded = twist
 
     def drift(self) -> Array:
         """Return (2, 2) distances (m) and turns (rad) in :data:`DRIFT_TIME` s.
@@ -59,12 +67,8 @@ class Trail:
         First row: integrated twists minus motion of the poses; second row: path length
         and total turn of the poses.
         """
-        i = bisect_left(self._times, self._times[-1] - DRIFT_TIME)
-        moved, twists = _moves(self._poses[i:]), np.array(self._twists[i:])
-        lasted = np.diff(self._times[i:])[:, None]
-        off = 0.5 * (twists[1:] + twists[:-1]) * lasted - moved
-        off[lasted[:, 0] > GAP] = 0.0
-        return np.array([off.sum(axis=0), np.abs(moved).sum(axis=0)])
+        i = bisect_left(self._times, self._times[-1] - DRIFT_TIME) + 1
+        return np.asarray(np.array(self._drifts[i:]).reshape(-1, 2, 2).sum(axis=0))
 
     def twist_to(self, time: float, pose: Pose) -> Array:
         """Return the mean (v, ω) to a pose, from :data:`BASELINE` s before it.
@@ -74,7 +78,7 @@ class Trail:
         i = max(bisect_right(self._times, time - BASELINE) - 1, 0)
         if not self._times or self._times[i] >= time:
             return np.zeros(2)
-        return np.asarray(_moves([self._poses[i], pose])[0] / (time - self._times[i]))
+        return np.array(leg(self._poses[i], pose)) / (time - self._times[i])
 
     def at(self, time: float) -> Pose:
         """Return the pose at a time; see :meth:`along`."""
@@ -159,12 +163,10 @@ class Odometry(Trail):
         return f"its twist is {measured} (m/s, rad/s), that of its poses {by_poses}"
 
 
-def _moves(poses: Sequence[Pose]) -> Array:
-    """Return chord ahead (m) and turn (rad) from each pose to the next, (n - 1, 2)."""
-    x, y, turn = np.diff(poses, axis=0).T
-    turn -= 2.0 * np.pi * np.rint(turn / (2.0 * np.pi))
-    middle = np.array(poses)[:-1, 2] + 0.5 * turn
-    return np.column_stack([x * np.cos(middle) + y * np.sin(middle), turn])
+def leg(before: Pose, pose: Pose) -> Pair:
+    """Return chord ahead (m) and turn (rad) from one pose to the next."""
+    x, y, turn = relative(before, pose)
+    return x * math.cos(0.5 * turn) + y * math.sin(0.5 * turn), turn
 
 
 def placed(points: Array, poses: Array) -> Array:

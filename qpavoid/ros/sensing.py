@@ -129,7 +129,7 @@ class Sensing:
         for topic, ground in self._ground.items():
             echoes = to_world(ground, back)
             if topic in self.perceiver.taken:
-                echoes = echoes[mask.inside(outline, echoes, AT_OUTLINE)]
+                echoes = echoes[mask.beyond(outline, echoes) <= AT_OUTLINE]
             points.append(echoes)
         points += [to_world(ground, back) for ground in self._unknown.values()]
         seen = Obstacles.of(np.vstack(points), found.capsules)
@@ -157,8 +157,8 @@ class Sensing:
             low, high = self._wiring.height_min_m, self._wiring.height_max_m
             points = points[(points[:, 2] >= low) & (points[:, 2] <= high)]
         flat = np.ascontiguousarray(points[:, :2])
-        near = mask.inside(outline, flat, self._wiring.mask_m)
-        inside = mask.inside(outline, flat)
+        margin = mask.beyond(outline, flat)
+        near, inside = margin <= self._wiring.mask_m, margin <= 0.0
         own = self._is_own(topic, flat, near)
         if fan is not None:
             valid -= float((own | inside).sum()) / max(len(fan.unknown), 1)
