@@ -1,6 +1,5 @@
 """README and documentation are true: snippets run, links lead somewhere, it builds."""
 
-import csv
 import json
 import re
 import runpy
@@ -14,7 +13,7 @@ import pytest
 
 import qpavoid
 import station
-from places import ROOT
+from places import ROOT, table
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.inputs import Fault
 from qpavoid.cli import COMMANDS, main
@@ -237,8 +236,7 @@ def test_a_dead_link_is_found(tmp_path):
 
 
 def test_the_people_of_the_readme_are_those_of_the_station_study():
-    with (ROOT / "comparisons/results/station.csv").open() as file:
-        found = station.totals(list(csv.DictReader(file)), "method")
+    found = station.totals(table("station.csv"), "method")
     ours, still = (
         round(found[x]["by_robot"] + found[x]["by_person"]) for x in ("ours", "nothing")
     )

@@ -1,12 +1,11 @@
 """CrowdNav's cases: as the original draws, moves and judges them."""
 
-import csv
 import sys
 
 import numpy as np
 import pytest
 
-from places import COMPARISONS
+from places import COMPARISONS, table
 from qpavoid.errors import ConfigError
 
 pytest.importorskip("pyrvo", reason="needs qpavoid[baselines]")
@@ -213,7 +212,7 @@ def test_a_reacting_crowd_is_judged_from_step_to_step():
 
 def test_the_page_shows_the_results():
     page = (COMPARISONS / "README.md").read_text("utf-8")
-    for row in read(COMPARISONS / "results/crowdnav_changing.csv"):
+    for row in table("crowdnav_changing.csv"):
         setting, method, n, *shares, time, share = row.values()
         cells = [f"{float(x):.3f}" for x in shares]
         cells += f"{float(time):.1f}", f"{float(share):.1f}"
@@ -222,7 +221,7 @@ def test_the_page_shows_the_results():
 
 def test_the_page_of_crowds_that_react_shows_the_results():
     page = (COMPARISONS / "crowdnav/README.md").read_text("utf-8")
-    for row in read(COMPARISONS / "results/crowdnav_reacting_people.csv"):
+    for row in table("crowdnav_reacting_people.csv"):
         setting, method, n, *shares, time, delay, error, detour, other = row.values()
         cells = [f"{float(x):.2f}" for x in shares]
         cells += [f"{float(time):.1f}" if time else "–"]
@@ -236,16 +235,11 @@ def study(monkeypatch, *arguments):
     crowdnav.main()
 
 
-def read(path):
-    with open(path, newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
-
-
 def test_two_cases(tmp_path, monkeypatch, capsys):
     options = ["--phase", "val", "--seed", "3", "--count", "2", "--people", "2,4"]
     options += ["--methods", "alone,qp-ahead"]
     study(monkeypatch, *options, "--out", str(tmp_path))
-    runs = read(tmp_path / "runs.csv")
+    runs = table(tmp_path / "runs.csv")
     assert [row["seed"] for row in runs] == ["3", "4"] * 4
     assert runs[0]["setting"] == "2 people"
     assert [row["method"] for row in runs[::2]] == ["alone", "qp-ahead"] * 2
@@ -269,7 +263,7 @@ def test_a_run_that_fails_is_a_row_and_the_exit_status(tmp_path, monkeypatch, ca
     options = ["--phase", "val", "--seed", "3", "--count", "2", "--people", "2"]
     with pytest.raises(SystemExit, match="1"):
         study(monkeypatch, *options, "--methods", "alone", "--out", str(tmp_path))
-    runs = read(tmp_path / "runs.csv")
+    runs = table(tmp_path / "runs.csv")
     assert [row["error"] for row in runs] == ["", "ConfigError: no room"]
     assert runs[1]["outcome"] == "failed" and runs[1]["min_room_m"] == ""
     assert "1 of 2 runs failed" in capsys.readouterr().err

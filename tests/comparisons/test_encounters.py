@@ -1,6 +1,5 @@
 """Encounters as scenarios, people and their reactions, a robot parked among them."""
 
-import csv
 import math
 
 import numpy as np
@@ -13,7 +12,7 @@ encounters = pytest.importorskip("encounters", reason="needs qpavoid[study]")
 
 import rows
 import station
-from places import COMPARISONS, ROOT
+from places import COMPARISONS, ROOT, table
 from qpavoid.lab.scenario.scenario import make_scenario
 from qpavoid.lab.study.sweep.job import run_job
 from qpavoid.lab.study.sweep.study import read_study
@@ -102,8 +101,7 @@ def test_a_parked_robot_lets_a_cart_pass_and_returns():
 
 
 def test_the_page_has_the_rows_of_the_station():
-    with (COMPARISONS / "results/station.csv").open() as file:
-        found = list(csv.DictReader(file))
+    found = table("station.csv")
     text = (ROOT / "docs/station.md").read_text()
     ours = [row for row in found if row["method"] == "ours"]
     for line in station.table(found, "method") + station.table(ours, "kind"):

@@ -1,6 +1,5 @@
 """The paper: its statements, calibrations and pages, and its laws in a plain script."""
 
-import csv
 import math
 import re
 from dataclasses import replace
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 
 import one_step_qp
-from places import COMPARISONS, ROOT
+from places import ROOT, table
 from qpavoid.lab.scenario.scenario import load_scenario
 from qpavoid.lab.simulation.run import run
 
@@ -25,7 +24,6 @@ from measures import STRENGTHS, by_strength, circle_about, entered, left
 from qpavoid.lab.study.compare import COLUMNS, cell
 from qpavoid.lab.study.metrics import metrics
 
-RESULTS = COMPARISONS / "results"
 SOURCE = ROOT.parent / "shared" / "paper" / "source.txt"
 PAGE = (ROOT / "docs" / "test-cases.md").read_text(encoding="utf-8")
 MORE = 1.0, 1.5, 0.05, "smooth"
@@ -37,15 +35,10 @@ OURS = {
 }
 
 
-def rows_of(name):
-    with (RESULTS / name).open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file, restval=""))
-
-
 def test_the_measured_values_are_those_of_the_committed_table():
-    found = calibrations.table_of(rows_of("calibrations/found.csv"))
+    found = calibrations.table_of(table("calibrations/found.csv"))
     told = [{k: str(x) for k, x in line.items()} for line in found]
-    assert told == rows_of("calibrations.csv") and len(told) == 49
+    assert told == table("calibrations.csv") and len(told) == 49
     assert len({line["statement"] for line in told}) == 43
     assert sum(line["ours"] == "yes" for line in told) == 39
     assert "39 of the 49" in " ".join(PAGE.split())
@@ -88,7 +81,7 @@ def test_the_search_meets_the_times(monkeypatch):
 
 
 def test_a_committed_calibration_has_the_same_statements_again():
-    found = rows_of("calibrations/found.csv")
+    found = table("calibrations/found.csv")
     row = [x for x in found if x["case"] == "test_case_2"][3]
     numbers = [float(row[key]) for key in list(row)[1:9]]
     again = calibrations.row_of(Calibration(*numbers, row["activation"]))
@@ -101,7 +94,7 @@ def test_the_page_is_made_of_the_rows():
     assert page.filled(text, tables) == text and len(text.splitlines()) <= 150
     ends = [
         1000.0 * float(x["eq5_final_error_m"])
-        for x in rows_of("calibrations/found.csv")
+        for x in table("calibrations/found.csv")
         if x["case"] == "test_case_2"
     ]
     low, middle, high = np.quantile(ends, [0.0, 0.5, 1.0])
@@ -178,8 +171,8 @@ def test_the_page_says_what_it_prints():
     told = "{}, {} and {} m, and at the end {}, {} and {} mm".format(*least, *off)
     page = " ".join((ROOT / "docs/how-it-works.md").read_text().split())
     assert told in page
-    with (COMPARISONS / "results" / "calibrations" / "found.csv").open() as file:
-        found = [row for row in csv.DictReader(file) if row["case"] == "test_case_2"]
+    rows = table("calibrations/found.csv")
+    found = [row for row in rows if row["case"] == "test_case_2"]
     middle = median(1000.0 * float(row["eq5_final_error_m"]) for row in found)
     said = (
         f"over {len(found)} calibrations Eq. 5 ends {middle:.0f} mm off in the median"

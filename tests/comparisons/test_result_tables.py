@@ -9,13 +9,12 @@ from statistics import median
 import pytest
 from scipy import stats
 
-from places import COMPARISONS, ROOT
+from places import COMPARISONS, RESULTS, ROOT
 from qpavoid.lab.study.sweep.job import run_job
 from qpavoid.lab.study.sweep.study import read_study
 
 rows, tables = map(pytest.importorskip, ("rows", "tables"))  # need qpavoid[study]
 
-RESULTS = COMPARISONS / "results"
 PAGE, README = ((x / "README.md").read_text("utf-8") for x in (COMPARISONS, ROOT))
 CROWDS = (COMPARISONS / "crowdnav/README.md").read_text("utf-8")
 ALL = rows.RANKINGS + rows.REACTING

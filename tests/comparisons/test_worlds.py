@@ -1,56 +1,14 @@
-"""Figures of published worlds beside the runs, and DynaBARN's episodes."""
+"""Figures of published worlds beside the runs: BARN's metric, crowds' contacts."""
 
-import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import rows
 from crowd_contacts import PERSON, Crowd, Task, own_clearance
-from qpavoid.lab.scenario.scenario import make_scenario
-from qpavoid.lab.worlds.dynabarn import DynaBarn
 from rows import metric, optimal_time
 from scenario_files import walker
-
-SMALL = {
-    "timeout_s": 20.0,
-    "robot_start": [4, 0, 3.14],
-    "robot_goal": [-1, 0],
-    "goal_radius": 1.0,
-    "obstacle_radius": 0.5,
-    "walls": [{"center": [0, 4], "size": [6, 0.5]}],
-    "worlds": {
-        "0": [{"t": [0, 12], "x": [1, 1], "y": [3, -3], "period": 12}],
-        "1": [{"t": [0, 9], "x": [1, 1], "y": [3, -6], "period": 9}],
-        "2": [{"t": [0, 3], "x": [1, 2], "y": [3, -3], "period": 3}],
-    },
-}
-
-
-@pytest.fixture
-def data(tmp_path):
-    (tmp_path / "dynabarn.json").write_text(json.dumps(SMALL))
-    return str(tmp_path)
-
-
-def test_a_phase_shifts_the_clock_by_thirds_to_the_first_jump(data):
-    sixths = DynaBarn("reverse", 1.0, data, phases=6)
-    for phase, y in ((0, 3.0), (1, 1.0), (2, -1.0)):
-        source = DynaBarn("reverse", 1.0, data)
-        assert source.sample(phase) == sixths.sample(2 * phase)
-        assert source.identity(None) != sixths.identity(None)
-        scene = make_scenario(source.sample(phase), source.name, Path("x"), data)
-        seen = scene.world.at(0.0)
-        np.testing.assert_allclose(seen.discs, [[1.0, y, 0.5]], atol=1e-12)
-        np.testing.assert_allclose(seen.disc_velocities, [[0.0, -0.5]])
-        assert scene.duration == 20.0 - 4.0 * phase and len(scene.world.walls) == 4
-        later = scene.world.at(
-            16.0 - 4.0 * phase
-        )  # 4 s after the jump, on the way back
-        np.testing.assert_allclose(later.discs[0, :2], [1.0, -1.0], atol=1e-12)
-        assert scene.path.sample(np.array([99.0]))[0, :2] == pytest.approx((-1.0, 0.0))
 
 
 @pytest.mark.parametrize(

@@ -13,30 +13,12 @@ from qpavoid.lab.scenario.methods import find_entry, own_file
 from qpavoid.lab.scenario.scenario import make_scenario
 from qpavoid.lab.simulation.run import run
 
-MODULE = '''
-"""Things of a user."""
-
-import math
-
-CALLS = []
-
-
-def halved(v, omega, obstacles, context):
-    """Half of what is desired."""
-    CALLS.append((len(obstacles), context.goal))
-    return 0.5 * v, 0.5 * omega
-
-
+MODULE = """
 def wild(v, omega, obstacles, context):
     return 1e9, -1e9
 
-
-def lost(v, omega, obstacles, context):
-    return math.nan, 0.0
-
-
 NUMBER = 3
-'''
+"""
 DOCUMENT = {
     "title": "Past a disc",
     "duration_s": 4.0,
@@ -65,12 +47,8 @@ def mine(tmp_path, monkeypatch):
     sys.modules.pop(name, None)
 
 
-def statuses(log):
-    return {STATUSES[int(number)] for number in log["status"]}
-
-
-def scene(tmp_path, **changes):
-    return make_scenario({**DOCUMENT, **changes}, "past", tmp_path / "past.toml")
+def scene(tmp_path):
+    return make_scenario(DOCUMENT, "past", tmp_path / "past.toml")
 
 
 def test_a_function_drives_from_python(tmp_path):
@@ -85,7 +63,8 @@ def test_a_function_drives_from_python(tmp_path):
     assert log.meta["controller"] == "gentle" and log.meta["solver"] == "its own"
     v, wanted = log["v_mps"], log["v_desired_mps"]
     np.testing.assert_allclose(v, 0.5 * wanted, atol=1e-12)
-    assert statuses(log) <= {Status.STEERED, Status.TRACKING}
+    statuses = {STATUSES[int(number)] for number in log["status"]}
+    assert statuses <= {Status.STEERED, Status.TRACKING}
     _, _, obstacles, context = asked[-1]
     robot = log.final  # one step on
     goal = (2.0 - robot[0], 0.0 - robot[1])
@@ -105,8 +84,8 @@ def test_what_it_wants_is_cut_to_the_limits(tmp_path, mine):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("{}:halvd", "did you mean 'halved'"),
-        ("{}:CALLS.nothing", "has no 'nothing'"),
+        ("{}:wyld", "did you mean 'wild'"),
+        ("{}:NUMBER.nothing", "has no 'nothing'"),
         ("no_such_module:f", "No module named 'no_such_module'"),
         (":f", "[Ee]mpty module name"),
     ],
@@ -119,8 +98,12 @@ def test_what_cannot_be_loaded_is_said(tmp_path, mine, name, message):
 def test_what_cannot_drive_is_said(tmp_path, mine):
     with pytest.raises(InvalidInputError, match="cannot be called"):
         run(scene(tmp_path), f"{mine}:NUMBER")
+
+    def lost(v, omega, obstacles, context):
+        return math.nan, 0.0
+
     with pytest.raises(InvalidInputError, match=r"lost returned \(nan, 0.0\)"):
-        run(scene(tmp_path), f"{mine}:lost")
+        run(scene(tmp_path), lost)
     for found in (None, 1.0, (1.0,), "ab", (1.0, 2.0, 3.0)):
         with pytest.raises(InvalidInputError, match="finite twist"):
             run(scene(tmp_path), lambda *_, found=found: found)

@@ -84,6 +84,7 @@ def test_damaged_tracks(tmp_path, text, error):
 # DynaBARN
 
 
+@pytest.mark.long
 def test_published_dynabarn(data_folder):
     file = data_folder / "dynabarn" / "dynabarn.json"
     worlds = [dynabarn.read_world(file, n) for n in range(60)]
@@ -141,6 +142,27 @@ def test_an_episode_ends_at_the_first_jump_or_goes_back(tmp_path):
     times, positions, jump = world.cylinders[0]
     assert times.tolist() == [0, 1, 3, 5, 6, 7, 9] and jump == 3.0
     assert positions[:, 0].tolist() == [0, 1, 2, 1, 0, 1, 2]
+
+
+def test_a_phase_shifts_the_clock_by_thirds_to_the_first_jump(tmp_path):
+    frame = {"t": [0, 12], "x": [1, 1], "y": [3, -3], "period": 12}
+    document = TO_AND_FRO | {"timeout_s": 20.0, "worlds": {"0": [frame]}}
+    (tmp_path / "dynabarn.json").write_text(json.dumps(document))
+    data = str(tmp_path)
+    source, sixths = (
+        dynabarn.DynaBarn("reverse", 1.0, data, **more) for more in ({}, {"phases": 6})
+    )
+    assert source.identity(None) != sixths.identity(None)
+    for phase, y in ((0, 3.0), (1, 1.0), (2, -1.0)):
+        assert source.sample(phase) == sixths.sample(2 * phase)
+        scene = make_scenario(source.sample(phase), source.name, Path("x"), data)
+        seen = scene.world.at(0.0)
+        np.testing.assert_allclose(seen.discs, [[1.0, y, 0.5]], atol=1e-12)
+        np.testing.assert_allclose(seen.disc_velocities, [[0.0, -0.5]])
+        assert scene.duration == 20.0 - 4.0 * phase and len(scene.world.walls) == 4
+        back = scene.world.at(16.0 - 4.0 * phase)  # 4 s after the jump
+        np.testing.assert_allclose(back.discs[0, :2], [1.0, -1.0], atol=1e-12)
+        assert scene.path.sample(np.array([99.0]))[0, :2] == pytest.approx((1.0, 0.0))
 
 
 @pytest.mark.parametrize(
