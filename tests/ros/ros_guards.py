@@ -32,11 +32,17 @@ def guarded(values=(), **wiring):
     return Guard(setup(values), Wiring(**wiring))
 
 
+def laser_scan(ranges, time, topic):
+    return ros.scan(time, ranges, "laser", near=0.05)
+
+
 class Loop:
     """A guard in a world: scan, odometry and command in, a twist out that is driven.
 
-    All attributes may change between two steps: ``seen(ranges, k)`` changes what the
-    scanner gives, ``told`` is the twist of the odometry, if not the driven one.
+    All attributes may change between two steps: ``mounts`` of scanners by topic,
+    ``seen(ranges, k)`` changes ranges, ``made(ranges, time, topic)`` is their message;
+    ``told`` is the twist of the odometry, if not the driven one; ``before`` are pose
+    and people when the last step began.
     """
 
     def __init__(self, guard, walls=(), people=(), pose=(0.0, 0.0, 0.0)):
@@ -44,15 +50,18 @@ class Loop:
         self.now, self.steps, self.least = 100.0, [], math.inf
         self.noise, self.rng, self.every = 0.005, np.random.default_rng(5), 1
         self.seen, self.command, self.told = (lambda ranges, k: ranges), None, None
-        self.by_odometry = False
+        self.by_odometry, self.beams = False, BEAMS
+        self.mounts, self.made = {"scan": (0.0, 0.0, 0.0)}, laser_scan
+        self.before = self.world.pose, self.world.people
 
     def step(self, *command):
         self.now += DT
         now, guard, world = (self.now, self.now), self.guard, self.world
         if len(self.steps) % self.every == 0:
-            ranges = world.ranges(BEAMS, noise=self.noise, rng=self.rng)
-            ranges = self.seen(ranges, len(self.steps))
-            guard.see("scan", ros.scan(self.now, ranges, "laser", near=0.05), *now)
+            for topic, mount in self.mounts.items():
+                how = {"noise": self.noise, "rng": self.rng, "mount": mount}
+                ranges = self.seen(world.ranges(self.beams, **how), len(self.steps))
+                guard.see(topic, self.made(ranges, self.now, topic), *now)
         if guard.wiring.odometry == "odom":
             twist = world.twist if self.told is None else self.told
             guard.see("odom", ros.odometry(self.now, world.pose.tolist(), *twist), *now)
@@ -60,6 +69,7 @@ class Loop:
             guard.command(ros.twist(*(command or self.command)), *now)
         driven = guard.odometry.twist if self.by_odometry else None
         step = guard.step(*now, driven)
+        self.before = world.pose, world.people.copy()
         world.drive(step.v, step.omega, DT)
         self.steps.append(step)
         self.least = np.minimum(self.least, world.clearances())

@@ -5,18 +5,13 @@ import math
 import numpy as np
 import pytest
 import ros_guards
-from ros_guards import AT_ONCE, DT
+from ros_guards import AT_ONCE, BEAMS, DT, Loop
 
 import ros_messages as ros
-from driven import driven_to
 from qpavoid.avoidance.inputs import Fault
-from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
-from qpavoid.model.contacts import Contacts
-from qpavoid.model.obstacles import Obstacles
 from qpavoid.ros.guard import NO_ODOMETRY
 from qpavoid.ros.report import markers
 
-BEAMS = 360
 ROOM = [(-4, -3, 6, -3), (6, -3, 6, 3), (6, 3, -4, 3), (-4, 3, -4, -3)]
 MOUNTS = {"scan": (0.35, 0.0, 0.0), "back": (-0.35, 0.0, math.pi)}
 
@@ -31,7 +26,6 @@ def guarded(changed=(), **wiring):
 def beam_first(ranges, time, name):
     """The usual scan: from right to left, the first beam behind."""
     made = ros.scan(time, ranges, name)
-    made.angle_min += 0.5 * made.angle_increment
     made.angle_max = made.angle_min + (len(ranges) - 1) * made.angle_increment
     return made
 
@@ -43,120 +37,77 @@ def clockwise(ranges, time, name):
     return made
 
 
-def person(time):
-    """Disc of somebody who comes at the robot, over ground."""
-    return 5.0 - 1.0 * time, 0.3, 0.25
+def watching(guard, made=beam_first, names=("scan",)):
+    """A loop in a room with a person who comes at the robot at 1 m/s."""
+    loop = Loop(guard, ROOM, [(5.0, 0.3, 0.25, -1.0, 0.0)])
+    loop.world.corners = (-0.445, -0.29, 0.445, 0.29)
+    loop.mounts, loop.made = {name: MOUNTS[name] for name in names}, made
+    loop.command, loop.every = (0.0, 0.0), 2
+    return loop
 
 
-class World:
-    """A robot in a room with a person; its scanners' messages go through ``made``."""
-
-    def __init__(self, guard, made=beam_first, every=2):
-        self.guard, self.made, self.pose, self.time = guard, made, (0.0, 0.0, 0.0), 0.0
-        self.devices = {
-            name: Lidar(LidarSettings(beams=BEAMS, mount=MOUNTS[name], noise=0.005))
-            for name in guard.wiring.scans
-        }
-        self.due, self.every = 0.0, every
-
-    def walls(self):
-        return Obstacles(discs=[person(self.time)], walls=ROOM)
-
-    def step(self, v=0.0, omega=0.0, **spoilt):
-        self.time += DT
-        now = (100.0 + self.time,) * 2
-        if self.guard.wiring.odometry:
-            told = ros.odometry(now[0], self.pose, *self.guard.driven)
-            self.guard.see("odom", told, *now)
-        if self.time >= self.due:
-            for name, device in self.devices.items():
-                ranges = device.ranges(self.pose, self.walls())
-                message = self.made(ranges, now[0], name)
-                self.guard.see(name, spoilt.get(name, lambda m: m)(message), *now)
-            gap = self.every(self.time) if callable(self.every) else self.every * DT
-            self.due = self.time + gap - 1e-9
-        self.guard.command(ros.twist(v, omega), *now)
-        step = self.guard.step(*now)
-        self.was = self.pose
-        self.pose = driven_to(self.pose, step.v, step.omega, DT)
-        return step
-
-    def run(self, until, *command):
-        """Return the last of the steps until a time."""
-        while self.time < until - 1e-9:
-            last = self.step(*command)
-        return last
-
-    def velocities(self, step):
-        """Starts and velocities of the drawn arrows, robot frame."""
-        drawn = {one.name: one.points for one in markers(self.guard, step)}
-        begin, end = drawn["velocities"].reshape(-1, 2, 2).swapaxes(0, 1)
-        return begin, end - begin
-
-
-def assert_known(world, step):
+def assert_known(loop, step):
     """One moving obstacle where the person is, drawn and given to the filter."""
-    begin, velocity = world.velocities(step)
-    x, y, heading = world.was
+    drawn = {one.name: one.points for one in markers(loop.guard, step)}
+    ((begin, end),) = drawn["velocities"].reshape(-1, 2, 2)
+    (x, y, heading), ((*person, _, _, _),) = loop.before
     c, s = math.cos(heading), math.sin(heading)
     back = np.array([[c, s], [-s, c]])
-    place = back @ (np.array(person(world.time)[:2]) - (x, y))
-    assert len(begin) == 1
-    np.testing.assert_allclose(velocity[0], back @ (-1.0, 0.0), atol=0.15)
-    np.testing.assert_allclose(begin[0], place, atol=0.08)
+    np.testing.assert_allclose(end - begin, back @ (-1.0, 0.0), atol=0.15)
+    np.testing.assert_allclose(begin, back @ np.subtract(person, (x, y)), atol=0.08)
 
 
 @pytest.mark.parametrize("made", [beam_first, clockwise])
 def test_a_person_has_a_velocity_in_command_and_markers(made):
-    world = World(guarded(), made)
-    step = world.run(2.5)
-    assert_known(world, step)
+    loop = watching(guarded(), made)
+    step = loop.run(2.5)[-1]
+    assert_known(loop, step)
     assert len(step.obstacles.points) > 300, "walls stay points"
-    while step.v == 0.0 and world.time < 4.0:
-        step = world.step()
+    while step.v == 0.0 and loop.world.time < 4.0:
+        step = loop.step()
     assert step.v != 0.0, "it evades somebody whom a point would let come near"
 
 
 def test_a_driving_robot_knows_its_walls_from_people():
-    world = World(guarded(), every=lambda t: 0.05 + 0.1 * abs(math.sin(7.0 * t)))
-    assert_known(world, world.run(2.2, 0.2, 0.3))
+    loop = watching(guarded())
+    loop.command = (0.2, 0.3)
+    steps = loop.run(2.2, lambda k: setattr(loop, "every", 1 + 7 * k % 3))
+    assert_known(loop, steps[-1])
 
 
 def test_two_scanners_are_one_map():
-    world = World(guarded(scans=tuple(MOUNTS)))
-    assert_known(world, world.run(2.5))
-    assert world.guard.sensing.perceiver.taken == set(MOUNTS)
+    loop = watching(guarded(scans=tuple(MOUNTS)), names=MOUNTS)
+    assert_known(loop, loop.run(2.5)[-1])
+    assert loop.guard.sensing.perceiver.taken == set(MOUNTS)
 
 
 def test_a_scanner_may_be_upside_down():
     """An upside-down scanner turns to the right: beams and lean are mirrored."""
     poses = (0.35, 0.0, 0.2, math.pi, 0.0, 0.4)
     guard = guarded(frames=("scan",), frame_poses=poses)
-    world = World(guard, lambda ranges, *rest: beam_first(ranges[::-1], *rest))
-    world.devices["scan"] = Lidar(
-        LidarSettings(beams=BEAMS, mount=(0.35, 0.0, 0.4), noise=0.005)
-    )
-    assert_known(world, world.run(2.5))
+    loop = watching(guard, lambda ranges, *rest: beam_first(ranges[::-1], *rest))
+    loop.mounts = {"scan": (0.35, 0.0, 0.4)}
+    assert_known(loop, loop.run(2.5)[-1])
 
 
 def test_without_odometry_all_is_at_rest_and_that_is_said():
-    world = World(guarded(odometry=""))
-    step = world.run(2.5)
-    assert world.guard.errors["perception"] == NO_ODOMETRY
+    loop = watching(guarded(odometry=""))
+    step = loop.run(2.5)[-1]
+    assert loop.guard.errors["perception"] == NO_ODOMETRY
     assert len(step.obstacles.points) == BEAMS and not len(step.obstacles.discs)
-    off = World(guarded({"perception.enabled": False})).run(2.5)
+    off = watching(guarded({"perception.enabled": False})).run(2.5)[-1]
     assert len(off.obstacles.points) == BEAMS and not len(off.obstacles.discs)
 
 
 def test_after_a_jump_of_odometry_echoes_count_until_the_map_is_new():
-    world = World(guarded())
-    world.run(2.5)
-    assert world.guard.sensing.perceiver.taken
-    world.due, world.pose = math.inf, (30.0, 0.0, 0.0)
-    assert world.step().faults == {"odom": Fault.JUMPED}
-    step = world.step()
+    loop = watching(guarded())
+    loop.run(2.5)
+    assert loop.guard.sensing.perceiver.taken
+    loop.mounts, loop.world.pose = {}, np.array([30.0, 0.0, 0.0])
+    assert loop.step().faults == {"odom": Fault.JUMPED}
+    step = loop.step()
     nearest = np.hypot(*step.obstacles.points.T).min()
-    assert not world.guard.sensing.perceiver.taken
+    assert not loop.guard.sensing.perceiver.taken
     assert nearest == pytest.approx(5.0 - 2.4 - 0.25, abs=0.3)
 
 
@@ -164,26 +115,23 @@ def test_points_of_a_depth_camera_have_velocities():
     """A cloud of what a scanner sees, at three heights: floor, knee, lamp."""
 
     def lifted(ranges, time, name):
-        angles = (np.arange(BEAMS) + 0.5) * math.tau / BEAMS - math.pi
+        angles = np.arange(BEAMS) * math.tau / BEAMS - math.pi
         flat = np.column_stack([np.cos(angles), np.sin(angles)]) * ranges[:, None]
         rows = [np.column_stack([flat, np.full(BEAMS, z)]) for z in (-0.2, 0.3, 2.0)]
         return ros.cloud(time, "xyz", np.vstack(rows), name)
 
-    guard = guarded(scans=(), clouds=("scan",))
-    world = World(guard, lifted)
-    world.devices = {"scan": Lidar(LidarSettings(mount=MOUNTS["scan"], noise=0.005))}
-    assert_known(world, world.run(2.5))
+    loop = watching(guarded(scans=(), clouds=("scan",)), lifted)
+    assert_known(loop, loop.run(2.5)[-1])
 
 
 def test_another_number_of_beams_is_said_and_the_map_stays():
-    world = World(guarded(), lambda ranges, *rest: ros.scan(rest[0], ranges, rest[1]))
-    world.run(2.4)
-    world.devices["scan"] = Lidar(LidarSettings(beams=180, mount=MOUNTS["scan"]))
-    step = world.step()
+    loop = watching(guarded(), lambda ranges, *rest: ros.scan(rest[0], ranges, rest[1]))
+    loop.run(2.4)
+    loop.beams = 180
+    step = loop.step()
     assert "scan: 180 beams, 360 before" in step.sentence
-    assert_known(world, step)
-    world.step(), world.step()
-    assert "before" not in world.step().sentence
+    assert_known(loop, step)
+    assert "before" not in loop.run(0.15)[-1].sentence
 
 
 def second_turn(message):
@@ -212,29 +160,27 @@ HOSTILE = {
 def test_hostile_messages_neither_raise_nor_free_anything(spoil):
     """Every third scan, and then all, of a robot that is sent at a wall."""
 
-    def spoilt(message):
-        if world.time > 6.0 or round(world.time / DT) % 3 == 0:
+    def spoilt(*given):
+        message, time = beam_first(*given), loop.world.time
+        if time > 6.0 or round(time / DT) % 3 == 1:
             spoil(message)
         return message
 
-    world = World(guarded({"freshness.points_s": 0.5}))
-    for _ in range(240):
-        step = world.step(0.5, scan=spoilt)
-        walls = Obstacles(walls=ROOM).seen_from(world.pose)
-        near = Contacts.of(world.guard.setup.robot.footprint, walls).distance.min()
-        assert math.isfinite(step.v + step.omega) and near > 0.12
-    explained = world.guard.sensing.perceiver.explain()
+    loop = watching(guarded({"freshness.points_s": 0.5}), spoilt)
+    loop.command = (0.5, 0.0)
+    steps = loop.run(12.0)
+    assert all(math.isfinite(step.v + step.omega) for step in steps)
+    assert loop.least[: len(ROOM)].min() > 0.12
+    explained = loop.guard.sensing.perceiver.explain()
     assert explained is None or len(explained.tracks) < 10
 
 
 def test_a_clock_that_is_set_back_begins_a_new_map():
-    world = World(guarded())
-    world.run(2.0)
-    world.time -= 60.0
-    world.due = world.time
-    for _ in range(40):
-        step = world.step()
-    assert world.guard.sensing.perceiver.taken and step.decision is not None
+    loop = watching(guarded())
+    loop.run(2.0)
+    loop.now -= 60.0
+    step = loop.run(2.0)[-1]
+    assert loop.guard.sensing.perceiver.taken and step.decision is not None
     assert len(step.obstacles.points) > 200
 
 
@@ -244,9 +190,10 @@ def test_a_sensor_later_than_another_is_points_at_rest():
     def made(ranges, time, name):
         return beam_first(ranges, time - 0.25 * (name == "back"), name)
 
-    world = World(guarded({"freshness.points_s": 0.6}, scans=tuple(MOUNTS)), made)
-    step = world.run(1.5)
-    assert world.guard.sensing.perceiver.taken == {"scan"}
+    guard = guarded({"freshness.points_s": 0.6}, scans=tuple(MOUNTS))
+    loop = watching(guard, made, MOUNTS)
+    step = loop.run(1.5)[-1]
+    assert loop.guard.sensing.perceiver.taken == {"scan"}
     assert "back: its echoes count as at rest" in step.sentence
     assert len(step.obstacles.points) >= 2 * BEAMS - 60
 
@@ -255,14 +202,14 @@ def test_the_robots_own_points_outside_of_its_outline_stay_masked():
     """A bumper 3 cm before the outline, seen from the start on; then a box there."""
 
     def made(ranges, time, name):
-        ranges[abs(np.arange(BEAMS) - 179.5) < 10] = bumper
+        ranges[abs(np.arange(BEAMS) - 180) < 10] = bumper
         return beam_first(ranges, time, name)
 
     bumper = 0.125
-    world = World(guarded(mask_m=0.05), made)
-    for _ in range(40):
-        step = world.step(0.3)
+    loop = watching(guarded(mask_m=0.05), made)
+    loop.command = (0.3, 0.0)
+    step = loop.run(2.0)[-1]
     assert step.v == pytest.approx(0.3)
     assert np.hypot(*step.obstacles.points.T).min() > 1.0
     bumper = 0.2
-    assert max(world.step(0.3).v for _ in range(10)[5:]) < 0.05
+    assert max(step.v for step in loop.run(0.5)[5:]) < 0.05

@@ -52,10 +52,14 @@ class World:
         self.people[:, :2] += dt * self.people[:, 3:]
         self.twist, self.time = (v, omega), self.time + dt
 
-    def ranges(self, beams, far=10.0, noise=0.0, rng=None):
-        """Ranges (beams,) all round from the axle, the first behind; free: inf."""
+    def ranges(self, beams, far=10.0, noise=0.0, rng=None, mount=(0.0, 0.0, 0.0)):
+        """Ranges (beams,) all round from a mount, the first behind; free: inf."""
         angles = 2.0 * math.pi / beams * np.arange(beams) - math.pi
-        found = ray_ranges(self.pose, self.walls, self.people[:, :3], angles)
+        x, y, heading = self.pose
+        c, s = math.cos(heading), math.sin(heading)
+        x, y = x + c * mount[0] - s * mount[1], y + s * mount[0] + c * mount[1]
+        pose = np.array([x, y, heading + mount[2]])
+        found = ray_ranges(pose, self.walls, self.people[:, :3], angles)
         if noise:
             found = found + noise * rng.standard_normal(beams)
         return np.where(found > far, np.inf, found)
