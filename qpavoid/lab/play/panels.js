@@ -23,6 +23,7 @@ Panels.top(canvas, world, frame, {view: {cx, cy, scale}, trail: [[x, y]...],
 Panels.toWorld(canvas, view, px, py) -> [x, y]      px, py: CSS pixels in the canvas
 Panels.toPixel(canvas, view, x, y) -> [px, py]
 Panels.fit(canvas, [xlo, xhi, ylo, yhi]) -> view    that shows the whole box
+Panels.foot([x1, y1, x2, y2], [x, y]) -> [x, y]     of a segment, nearest to a place
 Panels.plane(canvas, frame, {v: [lo, hi], w: [lo, hi]})      the (v, w) plane
 Panels.strip(canvas, {t, series: [{name, values, style}], bands: [{from, to, kind}],
            unit, title, range: [lo, hi], span: [t0, t1]})
@@ -142,6 +143,14 @@ const Panels = (() => {
     return polygon ? { kind: "polygon", place: polygon } : null;
   }
 
+  /** Where a segment is nearest to a place. */
+  function foot([x1, y1, x2, y2], [x, y]) {
+    const [dx, dy] = [x2 - x1, y2 - y1];
+    const along = ((x - x1) * dx + (y - y1) * dy) / (dx * dx + dy * dy || 1);
+    const s = Math.min(1, Math.max(0, along));
+    return [x1 + s * dx, y1 + s * dy];
+  }
+
   function nearestOn({ kind, place }, [x, y]) {
     if (kind === "point") return place;
     if (kind === "disc") {
@@ -150,14 +159,10 @@ const Panels = (() => {
       return [place[0] + (dx * radius) / far, place[1] + (dy * radius) / far];
     }
     if (kind === "polygon") {
-      const feet = place.map((end, i) => nearestOn({ kind: "wall", place: [...place.at(i - 1), ...end] }, [x, y]));
+      const feet = place.map((end, i) => foot([...place.at(i - 1), ...end], [x, y]));
       return feet.reduce((a, b) => (Math.hypot(b[0] - x, b[1] - y) < Math.hypot(a[0] - x, a[1] - y) ? b : a));
     }
-    const [x1, y1, x2, y2] = place;
-    const [dx, dy] = [x2 - x1, y2 - y1];
-    const along = ((x - x1) * dx + (y - y1) * dy) / (dx * dx + dy * dy || 1);
-    const s = Math.min(1, Math.max(0, along));
-    return [x1 + s * dx, y1 + s * dy];
+    return foot(place, [x, y]);
   }
 
   function drawObstacle(g, px, scale, { kind, place }, fill, wider = 0) {
@@ -265,5 +270,5 @@ const Panels = (() => {
     return parts.filter(Boolean).join(" ");
   }
 
-  return { top, toWorld, toPixel, fit, words };
+  return { top, toWorld, toPixel, fit, foot, words };
 })();

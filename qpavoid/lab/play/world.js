@@ -199,19 +199,16 @@ const World = (() => {
 
   /** Distance of a place from a thing, m; 0 or less inside. */
   function distance(one, [x, y], time) {
-    if (one.kind === "wall") return offSegment([one.x1, one.y1], [one.x2, one.y2], [x, y]);
+    const off = (from, to) => {
+      const [a, b] = Panels.foot([...from, ...to], [x, y]);
+      return Math.hypot(a - x, b - y);
+    };
+    if (one.kind === "wall") return off([one.x1, one.y1], [one.x2, one.y2]);
     if (one.kind !== "cart") return Math.hypot(x - one.x, y - one.y) - one.radius;
     const corners = cornersOf(one, time);
     const sides = corners.map((end, i) => [corners.at(i - 1), end]);
     const inside = sides.every(([[a, b], [c, d]]) => (c - a) * (y - b) - (d - b) * (x - a) > 0);
-    return inside ? 0 : Math.min(...sides.map(([from, to]) => offSegment(from, to, [x, y])));
-  }
-
-  function offSegment([x1, y1], [x2, y2], [x, y]) {
-    const [dx, dy] = [x2 - x1, y2 - y1];
-    const share = ((x - x1) * dx + (y - y1) * dy) / (dx * dx + dy * dy || 1);
-    const s = Math.min(1, Math.max(0, share));
-    return Math.hypot(x1 + s * dx - x, y1 + s * dy - y);
+    return inside ? 0 : Math.min(...sides.map(([from, to]) => off(from, to)));
   }
 
   return { Scene, anchor, cornersOf, distance };

@@ -50,7 +50,7 @@ class Plant:
     def __post_init__(self) -> None:
         check(self, "a plant needs")
 
-    def start(self) -> Callable[[float, float, float], Drive]:
+    def start(self, pose: Pose = (0.0, 0.0, 0.0)) -> Callable[..., Drive]:
         """Return the step of a base at rest: a function of v, ω and time dt (s)."""
         random = np.random.default_rng(self.seed)
         now = [0.0, 0.0]

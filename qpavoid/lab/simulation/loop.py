@@ -1,7 +1,6 @@
 """The closed loop of one robot, a control step at a time, in a world given to it."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -16,9 +15,7 @@ from qpavoid.lab.planning.planner import Planner, PlanningProblem, standing
 from qpavoid.lab.scenario.methods import find_method, make_controller
 from qpavoid.lab.scenario.scenario import AT_LAST, Scenario
 from qpavoid.lab.sensing.lidar import Sensor, scanner
-from qpavoid.lab.sensing.localisation import Locate
-from qpavoid.lab.sensing.physics import Physics
-from qpavoid.lab.sensing.plant import Drive
+from qpavoid.lab.sensing.plant import Drive, Plant
 from qpavoid.lab.simulation.clearance import (
     Motion,
     View,
@@ -46,22 +43,6 @@ def make_sensor(scenario: Scenario) -> Sensor:
         return lambda time, obstacles, pose: obstacles.seen_from(pose)
     sight = scenario.sight
     return lambda time, obstacles, pose: obstacles.seen_from(pose).within(sight)
-
-
-def make_localisation(scenario: Scenario) -> Locate:
-    """Return the localisation of a run."""
-    if scenario.localisation is None:
-        return lambda pose, time, wheels, dt: pose
-    return scenario.localisation.start(scenario.start)
-
-
-def make_plant(scenario: Scenario) -> Callable[[float, float, float], Drive]:
-    """Return the plant: commanded twist to that of the wheels and over ground."""
-    if scenario.plant is None:
-        return lambda v, omega, dt: Drive((v, omega), (v, omega))
-    if isinstance(scenario.plant, Physics):
-        return scenario.plant.start(scenario.start)
-    return scenario.plant.start()
 
 
 CALM = 0.5
@@ -189,8 +170,10 @@ class Simulation:
         self._stage, self._step = None, method.start()
         if guide is not None:
             self._stage = GuideStage(robot, guide, settings, tracker.array).start()
-        self._see, self._locate = make_sensor(scenario), make_localisation(scenario)
-        self._drive, self._believed = make_plant(scenario), scenario.start
+        self._see, self._believed = make_sensor(scenario), scenario.start
+        self._drive = (scenario.plant or Plant()).start(scenario.start)
+        where = scenario.localisation
+        self._locate = where.start(scenario.start) if where else lambda pose, *_: pose
 
     def step(self, time: float, obstacles: Obstacles) -> LogRow:
         """Drive for one control step among obstacles as they are now, world frame."""
