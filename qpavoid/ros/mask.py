@@ -51,8 +51,8 @@ def beyond(footprint: Footprint, points: Array) -> Array:
     edges, reach = footprint.edges, np.hypot(*points.T) - footprint.circumradius
     reached = (edges[:, :2] * edges[:, 2:4]).sum(axis=1)
     out = edges[:, 2:4] @ points.T - reached[:, None]
-    least = np.maximum.reduceat(out, footprint.starts, axis=0).min(axis=0)
-    return np.asarray(np.maximum(least, reach / MITRE))
+    each = [part.max(axis=0) for part in np.split(out, footprint.starts[1:])]
+    return np.asarray(np.maximum(np.min(each, axis=0), reach / MITRE))
 
 
 class OwnPlaces:
