@@ -6,7 +6,7 @@ import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar, get_args, get_origin
+from typing import Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -128,28 +128,19 @@ def validated(model: type[M], document: dict[str, Any], path: Path) -> M:
         raise ConfigError(f"{path}: {line}" for line in lines) from None
 
 
-class Place(NamedTuple):
-    """Where in a document an error is.
-
-    Attributes:
-        key: As a file writes it.
-        siblings: The keys of its table.
-    """
-
-    key: str
-    siblings: tuple[str, ...]
-
-
 def problems_of(error: ValidationError, model: Any) -> Iterator[str]:
     """Yield a line for every error of pydantic in reading a model."""
     items: list[Any] = error.errors(include_url=False)
     for item in items:
-        place = place_of(item["loc"], model)
-        yield ": ".join(filter(None, [place.key, _message(item, place)]))
+        key, siblings = place_of(item["loc"], model)
+        yield ": ".join(filter(None, [key, _message(item, siblings)]))
 
 
-def place_of(location: Sequence[str | int], model: Any) -> Place:
-    """Return where an error is, without the names that pydantic gives to types."""
+def place_of(location: Sequence[str | int], model: Any) -> tuple[str, tuple[str, ...]]:
+    """Return the key of an error, as a file writes it, and the keys of its table.
+
+    Without the names that pydantic gives to types.
+    """
     key, siblings, now = "", tuple[str, ...](), model
     for part in location:
         options = branches(now)
@@ -168,15 +159,15 @@ def place_of(location: Sequence[str | int], model: Any) -> Place:
                 now = fields[part].rebuild_annotation()
             elif get_origin(options[0]) is dict:
                 now = get_args(options[0])[1]
-    return Place(key, siblings)
+    return key, siblings
 
 
-def _message(error: Any, place: Place) -> str:
+def _message(error: Any, siblings: tuple[str, ...]) -> str:
     """Return what is wrong."""
     message = str(error["msg"][0].lower() + error["msg"][1:])
     if error["type"] == "extra_forbidden":
-        hint = did_you_mean(str(error["loc"][-1]), place.siblings)
-        return f"unknown key{hint} Known: {', '.join(place.siblings)}."
+        hint = did_you_mean(str(error["loc"][-1]), siblings)
+        return f"unknown key{hint} Known: {', '.join(siblings)}."
     if error["type"] == "union_tag_invalid":
         tag = str(error["ctx"]["tag"])
         tags = error["ctx"]["expected_tags"].replace("'", "").split(", ")
