@@ -106,26 +106,6 @@ class Move(NamedTuple):
         return self.decision.lateral + self.drive.lateral
 
 
-class Nearest(NamedTuple):
-    """The nearest contact, as it is logged.
-
-    Attributes:
-        clearance: m.
-        r_min: m.
-        r: m.
-        x: P_r in the world frame, m.
-        y: The same.
-        obstacle: Its number; −1: there is none.
-    """
-
-    clearance: float
-    r_min: float
-    r: float
-    x: float = math.nan
-    y: float = math.nan
-    obstacle: float = -1.0
-
-
 class Simulation:
     """Reference, tracking, controller, limits and exact arc, a step at a time.
 
@@ -237,8 +217,23 @@ class Simulation:
 
     def _row(self, time: float, true: Obstacles, move: Move) -> LogRow:
         """Return the numbers of a step among obstacles as they are, robot frame."""
-        decision, near = move.decision, self._contact(true)
-        distance, r_min = near.clearance, near.r_min
+        decision, radius = move.decision, self.scenario.settings.radius
+        edges, robot, _ = self._setup
+        contacts, size = (
+            empty_contacts(edges, true.arrays),
+            limits_of(robot).circumradius,
+        )
+        _, nearest = contact_table(edges, size, true.arrays, 0.0, contacts)
+        distance, speed, number, (x, y, heading) = math.inf, 0.0, -1.0, self.pose
+        if nearest < 0:
+            x = y = math.nan
+        else:
+            c = contact_at(contacts, nearest)
+            cos, sin = math.cos(heading), math.sin(heading)
+            x, y = x + cos * c.x - sin * c.y, y + sin * c.x + cos * c.y
+            speed = math.hypot(c.v_x, c.v_y)
+            distance, number = c.distance, float(c.obstacle)
+        r_min = radius.r_min(speed)
         least, room = self._room(move.drive.ground, move.lateral, true, distance)
         held = move.blocked and not any(move.driven)
         return LogRow(
@@ -251,7 +246,11 @@ class Simulation:
             distance,
             min(least, distance),
             min(room, distance - r_min),
-            *near[1:],
+            r_min,
+            radius.r(speed),
+            x,
+            y,
+            number,
             decision.slack,
             decision.residual,
             move.time,
@@ -278,18 +277,3 @@ class Simulation:
         arrays = seen.arrays
         view = View(arrays, like(arrays), empty_contacts(edges, arrays))
         return room_on_the_way(self._setup, Motion(driven, lateral, pace), view)
-
-    def _contact(self, seen: Obstacles) -> Nearest:
-        """Return the nearest contact."""
-        (edges, robot, _), radius = self._setup, self.scenario.settings.radius
-        contacts = empty_contacts(edges, seen.arrays)
-        size = limits_of(robot).circumradius
-        _, nearest = contact_table(edges, size, seen.arrays, 0.0, contacts)
-        if nearest < 0:
-            return Nearest(math.inf, radius.r_min(), radius.r())
-        c = contact_at(contacts, nearest)
-        (x, y, heading), speed = self.pose, math.hypot(c.v_x, c.v_y)
-        cos, sin = math.cos(heading), math.sin(heading)
-        x, y = x + cos * c.x - sin * c.y, y + sin * c.x + cos * c.y
-        r_min, r = radius.r_min(speed), radius.r(speed)
-        return Nearest(c.distance, r_min, r, x, y, float(c.obstacle))
