@@ -432,6 +432,35 @@ def test_without_odometry_or_frames_the_assumption_is_said(tmp_path, capsys):
     assert "no transform of laser: at the robot's origin" in said
 
 
+def test_two_scanners_whose_scans_roll(tmp_path):
+    """A robot turns on the spot beside a post, 1.5 rad/s for 0.09 s in a scan."""
+    turning, beams, span = 1.5, 720, 0.09
+    with Recorder(tmp_path / "bag", StoragePlugin.MCAP) as bag:
+        for k in range(60):
+            time, yaws = START + 0.1 * k, {"front": 0.3, "rear": 0.3 - math.pi}
+            angles = -math.pi + math.tau / beams * np.arange(beams)
+            heading = turning * (0.1 * k + span / (beams - 1) * np.arange(beams))
+            for name, yaw in yaws.items():
+                off = (angles + yaw + heading - 2.618 + math.pi) % math.tau - math.pi
+                seen = np.where(np.abs(off) < 0.05, 1.5, np.inf)
+                scan = ros.scan(time, seen, name)
+                scan.time_increment, scan.scan_time = span / (beams - 1), 0.1
+                bag.put(f"/{name}", SCAN, time + span, scan)
+            for late in range(0, 100, 20):
+                pose = 0.0, 0.0, turning * (0.1 * k + 1e-3 * late)
+                odom = ros.odometry(time + 1e-3 * late, pose, 0.0, turning)
+                bag.put("/odom", "nav_msgs/msg/Odometry", time + 1e-3 * late, odom)
+            bag.put("/cmd_vel", TWIST, time + 0.095, ros.twist(0.0, turning))
+    poses = 0.0, 0.0, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.3 - math.pi
+    wiring = Wiring(scans=("/front", "/rear"), odometry="/odom", frame_poses=poses)
+    _, done = run(tmp_path / "bag", wiring=wiring._replace(frames=("front", "rear")))
+    for row, step in zip(done.rows[10:], done.steps[10:], strict=True):
+        x, y = step.obstacles.points.mean(axis=0)
+        off = math.atan2(y, x) + row["heading_rad"] - 2.618
+        assert abs(math.sin(off)) < 0.012
+        assert math.hypot(x, y) == pytest.approx(1.5, abs=0.03)
+
+
 def test_two_scanners_of_a_real_robot(tmp_path, capsys, data_folder):
     """A person walks round it for half a minute; mounts are those of its makers."""
     bag = data_folder / "scans" / "obstacle_detector" / "scans_demo.bag"
