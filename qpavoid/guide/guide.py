@@ -9,14 +9,20 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.decision import Decision, Status
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.inputs import Freshness, Stamps, as_driven, caught
+from qpavoid.avoidance.inputs import (
+    FaultError,
+    Freshness,
+    InputWatch,
+    Stamps,
+    as_driven,
+    caught,
+)
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.guide.headway import AT_GOAL, Headway, lengths, moves_near, start_row
 from qpavoid.guide.rest import EXACT, JUMP, Bounds, Rest, beyond_band
 from qpavoid.guide.rollout import ROWS, TICK, fill_ahead
 from qpavoid.guide.settings import GuideSettings, look_short
-from qpavoid.guide.sight import Sight
 from qpavoid.guide.stage import (
     ACTION,
     ACTION_SHARE,
@@ -69,6 +75,9 @@ is occupied."""
 CHANGED = 0.1
 """m of change in clearance or remaining distance after which a robot that gave up near
 its goal tries again."""
+
+LONGEST_BLIND = 0.5
+"""s without a new and valid scan after which a step is a fault."""
 
 
 class Asked(NamedTuple):
@@ -157,6 +166,61 @@ class PathTracking:
         self.target, desired = target, self._track(pose, target)
         error = tracking_error(pose, target[:3])
         return Tracking(desired, error, target.v, driven, self._dt, self._ahead)
+
+
+class Sight:
+    """Perception of a guide, and the time since its last valid scan.
+
+    Args:
+        robot: Its footprint.
+        perception: Of scans; default one LiDAR all round, at the first scan.
+        dt: Control step, s.
+    """
+
+    def __init__(self, robot: Robot, perception: Perception | None, dt: float) -> None:
+        self.robot, self.perception, self._dt = robot, perception, dt
+        self.forget()
+
+    def fit(self, robot: Robot) -> None:
+        """Set the robot, that of the perception too."""
+        self.robot = robot
+        if self.perception is not None:
+            self.perception.fit(robot)
+
+    def forget(self) -> None:
+        """Expect scans only after the next one."""
+        self._watch, self._time = InputWatch(LONGEST_BLIND, math.inf), 0.0
+
+    def see(self, pose: Pose, given: Any, scan: Any, stamp: Any) -> Obstacles:
+        """Return the given obstacles, or those perceived.
+
+        After a first scan a step without obstacles and scan has those known so far.
+
+        Raises:
+            FaultError: No scan has been new and valid for :data:`LONGEST_BLIND`.
+        """
+        none, watch = isinstance(given, tuple) and not given, self._watch
+        expected = math.isfinite(watch.stamp)
+        if scan is None and stamp is None and not (none and expected):
+            return given if isinstance(given, Obstacles) else Obstacles(given)
+        want(none, "a step has obstacles, or else a scan or its stamp, not both")
+        if self.perception is None:
+            self.perception = Perception(self.robot)
+        self._time += self._dt  # counted: a scan may come again with its old stamp
+        time, perception = math.nan if stamp is None else stamp, self.perception
+        if scan is not None:
+            seen = perception.update(scan, time, pose)
+        else:
+            if stamp is None:
+                time = watch.stamp + watch.age(watch.stamp, self._time)
+            seen = perception.obstacles(time, pose)
+        if perception.last_valid != watch.stamp:
+            watch.stamp = -math.inf  # of another clock, if it went back
+            watch.receive(perception.last_valid, time, self._time)
+        fault = watch.fault(time, self._time)
+        if fault is not None:
+            raise FaultError({"scan": fault})
+        return seen
 
 
 class Guide:

@@ -226,7 +226,6 @@ PER_CONTACT = 2 * BODY_SIZE
 PAST_REFERENCE = 0.5
 """m in front of a robot that has passed its reference: target of the detour."""
 
-
 REFERENCE_RESTS = 1e-3
 """m/s; speed of the reference below which it rests."""
 
