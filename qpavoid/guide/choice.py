@@ -23,7 +23,6 @@ from qpavoid.guide.rollout import (
     X,
     Y,
     arrival,
-    at_pace,
     follow_twist,
     nearest_row,
     parking,
@@ -78,9 +77,6 @@ GENTLE, GENTLE_LEAST, PARKED = 3.0, 0.25, 2.0
 """Greatest speed of axle and corners of a parked robot that evades and returns,
 relative to the fastest obstacle in reach, and its least value, m/s; m from the goal
 within which it counts as parked. The filter evades as fast as necessary."""
-
-FASTEST = GREATEST
-"""m/s; a pace without effect."""
 
 KIND, A, B, LEFT, PACE = range(5)
 """Layout of the memory: driven candidate, its remaining ticks, and pace."""
@@ -152,9 +148,9 @@ def choose(course: Course, chosen: Array, waits: bool) -> None:
         best = soonest_parked(course, chosen)
         x, y = course.ahead[0, X], course.ahead[0, Y]
         if best.kind == NOT_CHOSEN and x * x + y * y < BESIDE * BESIDE:
-            fast = Course(scene, ahead, law, settings, FASTEST)
+            fast = Course(scene, ahead, law, settings, GREATEST)
             clears = arrival(fast, listed(0.0, 0), PARK_LATEST) < PARK_LATEST
-            if chosen[PACE] == FASTEST or clears:
+            if chosen[PACE] == GREATEST or clears:
                 best = listed(0.0, 0)
     if best.kind == NOT_CHOSEN:
         best = cheapest(course, chosen, waits)
@@ -165,7 +161,7 @@ def choose(course: Course, chosen: Array, waits: bool) -> None:
 def gentle_pace(course: Course) -> float:
     """Return the greatest speed, m/s, of a parked robot that evades and returns.
 
-    :data:`FASTEST` for a robot that is not parked, or among static obstacles.
+    :data:`GREATEST` for a robot that is not parked, or among static obstacles.
     """
     x, y, fastest = course.ahead[0, X], course.ahead[0, Y], 0.0
     for i in range(course.scene.bodies.shape[0]):
@@ -174,7 +170,7 @@ def gentle_pace(course: Course) -> float:
     pace, limits = max(GENTLE * fastest, GENTLE_LEAST), limits_of(course.scene.robot)
     near = x * x + y * y < PARKED * PARKED and has_come(course)
     slow = 0.0 < fastest and pace < min(limits.v_max, TOP_TWIST)
-    return pace if near and slow else FASTEST
+    return pace if near and slow else GREATEST
 
 
 @compiled
@@ -221,9 +217,7 @@ def cheapest(course: Course, chosen: Array, waits: bool) -> Candidate:
         if number == STANDING and not waits:
             continue
         candidate = listed(fastest, number)
-        share = 1.0
-        if number <= STANDING:
-            share -= s.hysteresis if number == STANDING else s.preference
+        share = 1.0 - s.hysteresis if number == STANDING else 1.0
         found = share * roll_on(course, candidate, cost / share)
         if found < LESS * cost:
             best, cost = candidate, found
@@ -234,13 +228,12 @@ def cheapest(course: Course, chosen: Array, waits: bool) -> Candidate:
 def twist_of(course: Course, candidate: Candidate, desired: Twist) -> Twist:
     """Return the twist of a candidate now; ``desired`` is that of tracking."""
     if candidate.kind == HOLD:
-        return at_pace(course, (candidate.a, candidate.b))
+        return candidate.a, candidate.b
     if candidate.kind == PARK:
-        return at_pace(course, parking(course, (0.0, 0.0, 0.0)))
+        return parking(course, (0.0, 0.0, 0.0))
     if candidate.kind != FOLLOW:
-        return at_pace(course, desired)
+        return desired
     at = Frame(0.0, 0.0, 1.0, 0.0)
     row = nearest_row(course.ahead, 0, at)
     robot, ahead = course.scene.robot, course.ahead
-    twist = follow_twist(robot, ahead, at, row, candidate.b, candidate.a)
-    return at_pace(course, twist)
+    return follow_twist(robot, ahead, at, row, candidate.b, candidate.a)

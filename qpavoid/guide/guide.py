@@ -43,7 +43,7 @@ from qpavoid.model.kinematics import TINY, arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.prediction import Prediction, Predictor
 from qpavoid.model.robot import Robot
-from qpavoid.model.validation import as_number, as_pose, as_rows, check_finite
+from qpavoid.model.validation import as_number, as_pose, as_rows
 from qpavoid.perception.perception import Perception
 from qpavoid.settings import want
 from qpavoid.tracking.clock import Waiting
@@ -376,20 +376,24 @@ class Guide:
         Args:
             pose: Station.
             max_away: Greatest distance of the robot's origin from it, m.
-            region: (n, 2) corners of a polygon, convex or not, world frame, m, that the
-                origin must not leave.
+            region: (n, 2) corners of a simple polygon, counter-clockwise, world frame,
+                m, that the origin must not leave.
 
         Raises:
             InvalidInputError: Numbers that are not finite, a distance that is not
-                positive, or a station outside the region. The previous task is kept.
+                positive, a region that is no such polygon, or a station outside of it.
+                The previous task is kept.
         """
         end = as_pose(pose, "pose")
-        corners = np.empty((0, 2)) if region is None else as_rows(region, 2, "a region")
-        want(region is None or len(corners) > 2, "a region needs three corners")
-        check_finite(corners, "a region")
+        edges = np.empty((0, 6))
+        if region is not None:
+            try:
+                edges = Footprint.polygon(region).edges  # type: ignore[arg-type]
+            except InvalidInputError as error:
+                raise InvalidInputError(f"a region is a polygon: {error}") from None
         away = max_away if max_away == math.inf else as_number(max_away, "max_away")
         want(away > 0.0, f"max_away must be above 0, not {away:g}")
-        bounds = Bounds(end, away, corners.copy())
+        bounds = Bounds(end, away, edges)
         want(bounds.beyond(*end[:2]) == 0.0, "the station must be inside its region")
         self._go(self._pose or end, Asked(np.array(end), math.inf))
         self._bounds = bounds

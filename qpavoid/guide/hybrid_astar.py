@@ -39,9 +39,6 @@ GREED, GREED_OUTSIDE = 2.0, 5.0
 """Weights of the heuristic: slightly longer paths, found much sooner. The second one is
 for an axle outside of the footprint, whose distances lead through walls."""
 
-LEAVING = 0.8
-"""m of cost within which a robot that is too near may lose a little more margin."""
-
 CLOSE, ALIGNED = 0.2, 1.5 * TURN
 """m and rad from the target at which a path ends."""
 
@@ -59,7 +56,6 @@ class Search(NamedTuple):
         inner: From :attr:`qpavoid.model.footprint.Footprint.inner_radius`, m.
         reverse: Whether the robot can drive backwards.
         clearance: Required margin, m; poses with less may only be left.
-        loss: Margin, m, that may be lost first when leaving; negative: must be gained.
         target: Robot frame, m, m, rad.
         turned: Whether the path must end with that heading.
         walls: Capsules, robot frame, for detours outside the grid.
@@ -68,7 +64,6 @@ class Search(NamedTuple):
     inner: float
     reverse: bool
     clearance: float
-    loss: float
     target: Pose
     turned: bool
     walls: Array
@@ -305,7 +300,7 @@ def find_way(field: Field, search: Search, memory: Array, way: Array) -> int:
             continue
         if parent > 0 and _arrives(field.half, search, tree, parent):
             return _trace(nodes, parent, way)
-        least = _least_room(search, tree, parent)
+        least = min(search.clearance, nodes[parent, 3])
         for action in range(kinds):
             if _drive(field, tree, parent, action, count, least):
                 i, j, k = _bin(field.half, tree, count)
@@ -334,15 +329,6 @@ def _arrives(half: float, search: Search, tree: Tree, node: int) -> bool:
     inside = 0 < i < n - 1 and 0 < j < n - 1
     beyond = max(abs(x), abs(y)) > half
     return (away <= CLOSE and off <= ALIGNED) or (beyond and not inside)
-
-
-@compiled_once
-def _least_room(search: Search, tree: Tree, parent: int) -> float:
-    """Return the required margin of a child, m: less while the robot leaves."""
-    floor = tree.nodes[parent, 3] - 0.15 * search.loss
-    if tree.nodes[parent, 2] < LEAVING:
-        floor = min(floor, tree.nodes[0, 3] - search.loss)
-    return float(min(search.clearance, floor))
 
 
 @compiled_once

@@ -110,15 +110,6 @@ def room_field(
             _fill(nodes, half, capsules[begin:end], -low)
 
 
-def new_field(
-    half: float, ample: float, curve: RadiusCurve, obstacles: Arrays
-) -> Array:
-    """Return a new array of :func:`room_field`."""
-    nodes = np.empty((grid_size(half), grid_size(half)))
-    room_field(half, ample, curve, obstacles, nodes)
-    return nodes
-
-
 @compiled_once
 def _fill(field: Array, half: float, chain: Array, room: float) -> None:
     """Lower the field to ``room`` within a polygon, in place."""

@@ -9,10 +9,9 @@ of the motors.
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from qpavoid.guide.rollout import AT
-from qpavoid.model.kinematics import TINY, arc
+from qpavoid.model.contact import point_contact
+from qpavoid.model.kinematics import arc
 from qpavoid.model.robot import Limits, limit_twist
 from qpavoid.tracking.kanayama import tracking_error
 from qpavoid.types import Array, Pose, Twist
@@ -72,26 +71,20 @@ class Bounds(NamedTuple):
     Attributes:
         place: Its station, world frame.
         max_away: Greatest distance from that, m.
-        corners: (n, 2) polygon, convex or not, world frame, m; n = 0: none.
+        edges: (n, 6) of the convex parts of a polygon, world frame, as of
+            :attr:`qpavoid.model.footprint.Footprint.edges`; n = 0: none.
     """
 
     place: Pose
     max_away: float
-    corners: Array
+    edges: Array
 
     def beyond(self, x: float, y: float) -> float:
         """Return the distance of a point from the area, m; 0 inside."""
         away = max(math.dist((x, y), self.place[:2]) - self.max_away, 0.0)
-        if not len(self.corners):
-            return away
-        a, edge = self.corners - (x, y), np.roll(self.corners, -1, 0) - self.corners
-        b, square = a + edge, np.maximum((edge**2).sum(axis=1), TINY)
-        rises = np.where(edge[:, 1] == 0.0, TINY, edge[:, 1])
-        right = a[:, 0] - a[:, 1] * edge[:, 0] / rises > 0.0
-        if ((((a[:, 1] > 0.0) != (b[:, 1] > 0.0)) & right).sum() % 2) == 1:
-            return away
-        share = np.clip(-(a * edge).sum(axis=1) / square, 0.0, 1.0)
-        return max(away, float(np.hypot(*(a + share[:, None] * edge).T).min()))
+        if len(self.edges):
+            away = max(away, float(point_contact(self.edges, x, y).distance))
+        return away
 
     def is_left(self, robot: Array, pose: Pose, twist: Twist, dt: float) -> bool:
         """Return whether a robot that drives a twist, then stops, gets farther out.

@@ -8,9 +8,8 @@ robot's limits, among bodies of constant velocity, with a cost per tick of
     |p − r|² + heading·(1 − cos Δγ) + near·(soft − m + σt)²₊ + deep·(−m)₊
 
 with r the reference at that time, limited to what the robot can reach by then, m the
-margin (clearance − r_min), σt ≤ :data:`MOST_SPREAD` with σ the standard deviation of an
-obstacle's velocity, and an additional cost, larger for earlier times, of m < 0. Robot
-frame of the present.
+margin (clearance − r_min), and σt ≤ :data:`MOST_SPREAD` with σ the standard deviation
+of an obstacle's velocity. Robot frame of the present.
 """
 
 import math
@@ -294,7 +293,7 @@ def fill_ahead(
 def at_pace(course: Course, twist: Twist) -> Twist:
     """Return a twist scaled along its arc: axle and corners within the pace."""
     corner = limits_of(course.scene.robot).circumradius * abs(twist[1])
-    share = course.pace / max(abs(twist[0]), corner, course.pace)
+    share = min(course.pace / max(abs(twist[0]), corner, TINY), 1.0)
     return share * twist[0], share * twist[1]
 
 
@@ -373,7 +372,7 @@ def roll_on(course: Course, candidate: Candidate, limit: float) -> float:
         room, surest = room_at_pose(scene, at, time, s.soft)
         cost += s.near * (s.soft - surest) ** 2
         if room < -GRAZE:
-            cost += s.deep * -room + s.enter * (n - k) / n
+            cost += s.deep * -room
             if room < -DEEP:
                 return float(cost + VIOLATION_COST * (n - k))
     return float(cost)

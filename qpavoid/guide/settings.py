@@ -12,9 +12,6 @@ from qpavoid.model.robot import Robot
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, Range, check, want
 from qpavoid.types import Record, record_type
 
-BACK_SPEED = 0.2
-"""m/s; speed of backing out, cut to the robot's limit."""
-
 MOST_REACH = 20.0
 """m; greatest ``reach``."""
 
@@ -41,11 +38,8 @@ class GuideSettings:
         soft: Margin beyond r_min below which proximity costs, m.
         near: Cost per tick of a margin 1 m below ``soft``.
         deep: Cost per tick of 1 m within r_min.
-        enter: m²; cost of entering r_min at once.
         heading: m²; weight of 1 − cos of the heading error.
         hysteresis: Relative cost by which another candidate must be cheaper.
-        preference: Relative cost by which another candidate must be cheaper than
-            tracking.
         clear: Margin on the whole path with which a goal at rest is tracked, m.
         yielding: Whether people give way to the robot. Guide and filter then take all
             obstacles to be at rest, and look at most 0.5 s ahead. Nothing is guaranteed
@@ -68,10 +62,8 @@ class GuideSettings:
     soft: Annotated[float, "m", POSITIVE] = 0.15
     near: Annotated[float, NOT_NEGATIVE] = 20.0
     deep: Annotated[float, "m", NOT_NEGATIVE] = 100.0
-    enter: Annotated[float, "m2", NOT_NEGATIVE] = 2.0
     heading: Annotated[float, "m2", NOT_NEGATIVE] = 0.1
     hysteresis: Annotated[float, SHARE] = 0.1
-    preference: Annotated[float, SHARE] = 0.05
     clear: Annotated[float, "m", NOT_NEGATIVE] = 0.03
     yielding: bool = False
 
@@ -89,7 +81,6 @@ class GuideSettings:
             "reach": CELL * round(self.reach / CELL),
             "speed": min(self.speed, limits.v_max),
             "turn_rate": min(self.turn_rate, limits.omega_max, -limits.omega_min),
-            "back_speed": min(BACK_SPEED, -limits.v_min),
             "inner": robot.footprint.inner_radius,
         }
         drives = min(values["speed"], values["turn_rate"]) > 0.0
@@ -102,7 +93,6 @@ RECORD = record_type(
     for name in (
         *(item.name for item in fields(SafetyRadius)),
         *(item.name for item in fields(GuideSettings) if item.name != "yielding"),
-        "back_speed",
         "inner",
     )
 )

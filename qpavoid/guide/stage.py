@@ -5,12 +5,11 @@ seconds (:mod:`qpavoid.guide.choice`). A robot is stalled if it has a desired tw
 not at its reference and has not moved by ``progress`` in ``stall_time``. Then a path to
 the reference, or to the next free pose ahead of it, is searched among the known
 obstacles (:mod:`qpavoid.guide.hybrid_astar`) and followed. It is retained as long as it
-is free and the robot makes progress, so that the side does not flip; a robot that is
-wedged in backs out first. When the straight path to the reference is free, tracking
-resumes. Without a path the robot holds, and after ``blocked_time`` the stage reports
-it: a request for a new plan. It resumes when a path opens. Its desired twist goes
-through the safety filter. All poses of its state are in the robot frame, m, m, rad, and
-move with the robot.
+is free and the robot makes progress, so that the side does not flip. When the straight
+path to the reference is free, tracking resumes. Without a path the robot holds, and
+after ``blocked_time`` the stage reports it: a request for a new plan. It resumes when a
+path opens. Its desired twist goes through the safety filter. All poses of its state are
+in the robot frame, m, m, rad, and move with the robot.
 """
 
 import math
@@ -33,7 +32,6 @@ from qpavoid.avoidance.settings import AvoidanceSettings, radius_curve
 from qpavoid.avoidance.step import has_valid_sizes
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.guide.choice import (
-    FASTEST,
     KIND,
     NOT_CHOSEN,
     PACE,
@@ -68,7 +66,7 @@ from qpavoid.guide.settings import MOST_REACH, GuideSettings, Settings
 from qpavoid.model.contacts import most_contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Robot
+from qpavoid.model.robot import GREATEST, Robot, limits_of
 from qpavoid.tracking.kanayama import kanayama, tracking_error
 from qpavoid.types import (
     Array,
@@ -82,12 +80,12 @@ from qpavoid.types import (
     VectorWritten,
 )
 
-CLEAR, SEARCHING, DETOUR, BACKING, NO_PATH = range(5)
-"""Modes: tracking or a candidate, without a path yet, on a path, backing out, and
-without a path for ``blocked_time``."""
+CLEAR, SEARCHING, DETOUR, NO_PATH = range(4)
+"""Modes: tracking or a candidate, without a path yet, on a path, and without one for
+``blocked_time``."""
 
 (
-    STAGE_MODE,  # CLEAR, SEARCHING, DETOUR or BACKING
+    STAGE_MODE,  # CLEAR, SEARCHING or DETOUR
     STILL,  # s since the robot was last ``progress`` away from the mark
     MARK,  # x, y, turn of the mark in the robot frame, m, m, rad
     LOOKED,  # s since the obstacles were last checked
@@ -95,18 +93,12 @@ without a path for ``blocked_time``."""
     ACTION,  # action of the path that this pose is in
     ACTION_SHARE,  # of that action done, 0 to 1
     COUNT,  # of actions
-    FAILURES,  # paths on which the robot got stuck since a search last failed
-    BACKED,  # s of backing out
-    BACKS,  # number of times backed out since last clear
-    BEGUN,  # s since the first search, or the last path that failed
+    BEGUN,  # s since the last search
     CHOICE_DUE,  # control steps until the candidates are scored again
     CHOSEN,  # the candidate that is driven
     WAY,  # the first action
-) = (0, 1, 2, 5, 6, 9, 10, 11, 12, 13, 14, 15, 16, 17, 22)
+) = (0, 1, 2, 5, 6, 9, 10, 11, 12, 13, 14, 19)
 STATE_SIZE = WAY + MOST_ACTIONS
-
-BACK_TIME, MOST_BACKS = 3.0, 2
-"""s of backing out, and number of times."""
 
 TURNED = 0.5
 """rad; turn on a detour that counts as progress."""
@@ -169,16 +161,6 @@ def is_done(state: Array) -> bool:
 
 
 @compiled_once
-def back_out(state: Array, speed: float) -> bool:
-    """Begin to back out unless done too often; return whether it begins."""
-    if state[BACKS] >= MOST_BACKS or speed == 0.0:
-        return False
-    state[STAGE_MODE], state[BACKED] = BACKING, 0.0
-    state[BACKS] += 1.0
-    return True
-
-
-@compiled_once
 def way_room(state: Array, field: Field) -> float:
     """Return the least margin on the rest of the path, m."""
     x, y, turn = state[LEAD], state[LEAD + 1], state[LEAD + 2]
@@ -215,10 +197,6 @@ WANTS_V, WANTS_OMEGA = 0.02, 0.05
 
 STRAIGHT_WITHIN = 1.2
 """rad; greatest initial turn of a straight path."""
-
-LOSS, DEMAND = 0.02, 0.02
-"""m; margin that leaving a tight place may cost; increase of the required margin after
-each failure."""
 
 PER_CONTACT = 2 * BODY_SIZE
 """Numbers of memory per contact: a body, and a group of points."""
@@ -296,8 +274,7 @@ def course_of(
     stage: Stage, state: Array, memory: Array, count: int, tracking: Tracking
 ) -> Course:
     """Return the rollout context of a step, at the pace chosen last."""
-    pace = state[CHOSEN + PACE] if state[CHOSEN + PACE] > 0.0 else FASTEST
-    scene = scene_of(stage, memory, count, tracking)
+    scene, pace = scene_of(stage, memory, count, tracking), state[CHOSEN + PACE]
     return Course(scene, tracking.ahead, stage.law, stage.settings, pace)
 
 
@@ -330,7 +307,8 @@ def track_by_candidate(
             course = course_of(stage, state, memory, count, tracking)
             choose(course, chosen, state[STILL] > s.stall_time / 2.0)
     course = course_of(stage, state, memory, 0, tracking)
-    return twist_of(course, driven_candidate(chosen), tracking.desired)
+    twist = twist_of(course, driven_candidate(chosen), tracking.desired)
+    return at_pace(course, twist)
 
 
 @entry
@@ -367,7 +345,7 @@ def guide_step(
 
     Args:
         stage: Settings, tracker and filter.
-        state: (STATE_SIZE,) zeros at the start of a run; updated in place.
+        state: (STATE_SIZE,) of :func:`fresh_stage` at the start; updated in place.
         memory: Of sufficient size.
         obstacles: Robot frame.
         tracking: Input of the step.
@@ -383,13 +361,7 @@ def guide_step(
         if state[STILL] < s.stall_time:
             v, omega = track_by_candidate(stage, state, bodies, obstacles, tracking)
             return CLEAR, v, omega
-        state[FAILURES] = state[BACKS] = state[CHOICE_DUE] = 0.0
-        state[CHOSEN + KIND] = NOT_CHOSEN
-        state[STAGE_MODE], state[LOOKED] = SEARCHING, math.inf
-    if state[STAGE_MODE] == BACKING:
-        state[BACKED] += tracking.dt
-        if state[BACKED] < BACK_TIME:
-            return BACKING, -s.back_speed, 0.0
+        state[CHOICE_DUE], state[CHOSEN + KIND] = 0.0, NOT_CHOSEN
         state[STAGE_MODE], state[LOOKED] = SEARCHING, math.inf
     pause = s.interval if state[STAGE_MODE] == DETOUR else 2.0 * s.interval
     if state[LOOKED] >= pause or (state[STAGE_MODE] == DETOUR and is_done(state)):
@@ -397,7 +369,7 @@ def guide_step(
         curve = radius_curve(settings)
         field = field_in(memory.search, s.reach, stage.body)
         room_field(s.reach, max(s.inner, 0.0) + AMPLE, curve, obstacles, field.nodes)
-        _look(state, field, settings, memory.search, obstacles, tracking)
+        _look(stage, state, field, memory.search, obstacles[1], tracking)
         if state[STAGE_MODE] == CLEAR:
             return CLEAR, v, omega
     if state[STAGE_MODE] == DETOUR:
@@ -410,15 +382,15 @@ def guide_step(
 
 @compiled_once
 def _look(
+    stage: Stage,
     state: Array,
     field: Field,
-    settings: Settings,
     memory: Array,
-    obstacles: Arrays,
+    walls: Array,
     tracking: Tracking,
 ) -> None:
     """Check the obstacles: resume tracking, retain the path, or search another one."""
-    s, error = settings[0], tracking.error
+    s, error = stage.settings[0], tracking.error
     moving = abs(tracking.v_r) > REFERENCE_RESTS
     most = math.inf if moving else 0.0
     if moving and ends(tracking.ahead):
@@ -430,44 +402,23 @@ def _look(
         track_on(state[CHOSEN:WAY])
         clear(state)
         return
-    if _goes_on(state, field, settings):
-        return
-    state[STAGE_MODE] = SEARCHING
+    if state[STAGE_MODE] == DETOUR:
+        if is_done(state):
+            clear(state)
+            return
+        moves_on = min(state[STILL], state[BEGUN]) < s.stall_time
+        if moves_on and way_room(state, field) >= 0.0:
+            return
+    state[STAGE_MODE], state[BEGUN] = SEARCHING, 0.0
     if not there:
         return
-    more = DEMAND * state[FAILURES]
-    clearance, reverse = s.clearance + more, s.back_speed > 0.0
-    target = (x, y, error[2])
-    loss, walls = LOSS - more, obstacles[1]
-    search = Search(s.inner, reverse, clearance, loss, target, not moving, walls)
+    target, reverse = (x, y, error[2]), limits_of(stage.setup.robot).v_min < 0.0
+    search = Search(s.inner, reverse, s.clearance, target, not moving, walls)
     count = find_way(field, search, memory, state[WAY:])
     if count > 0:
         state[STAGE_MODE], state[COUNT] = DETOUR, count
         for i in range(LEAD, COUNT):
             state[i] = 0.0
-        return
-    wedged = pose_room(field, 0.0, 0.0, 0.0) < s.clearance
-    if count == 0 and wedged and back_out(state, s.back_speed):
-        return
-    if state[STILL] < s.blocked_time:
-        state[FAILURES] = 0.0
-
-
-@compiled_once
-def _goes_on(state: Array, field: Field, settings: Settings) -> bool:
-    """Return whether no search is needed: the path is free or done, or backed out."""
-    s = settings[0]
-    if state[STAGE_MODE] != DETOUR:
-        state[BEGUN] = 0.0
-        return False
-    if is_done(state):
-        clear(state)
-        return True
-    if min(state[STILL], state[BEGUN]) < s.stall_time:
-        return way_room(state, field) >= 0.0
-    state[FAILURES] += 1.0
-    state[BEGUN] = 0.0
-    return back_out(state, s.back_speed)
 
 
 @compiled_once
@@ -547,5 +498,5 @@ def stage_memory(contacts: int, settings: Settings) -> StageMemory:
 def fresh_stage() -> Array:
     """Return the state of a new run."""
     state = np.zeros(STATE_SIZE)
-    state[CHOSEN + KIND] = NOT_CHOSEN
+    state[CHOSEN + KIND], state[CHOSEN + PACE] = NOT_CHOSEN, GREATEST
     return state

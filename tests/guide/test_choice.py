@@ -11,7 +11,6 @@ import qpavoid as qp
 from qpavoid.avoidance.bodies import BODY, Scene, bodies_in_reach
 from qpavoid.avoidance.plan import ARC
 from qpavoid.guide.choice import (
-    FASTEST,
     KIND,
     LEFT,
     NOT_CHOSEN,
@@ -38,7 +37,7 @@ from qpavoid.guide.rollout import (
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.guide.stage import GuideStage
 from qpavoid.model.kinematics import arc
-from qpavoid.model.robot import limit_twist
+from qpavoid.model.robot import GREATEST, limit_twist
 from qpavoid.tracking.kanayama import Gains, tracking_error
 from qpavoid.tracking.station import StationKeeping, Tracker
 
@@ -64,7 +63,7 @@ def course(obstacles, ahead=None, driven=(0.5, 0.0), guide=None):
     count = bodies_in_reach(scene, obstacles.arrays, 0.0, 3.0)
     scene = Scene(edges, robot, record, bodies[:count], *rest)
     ahead = straight() if ahead is None else ahead
-    return Course(scene, ahead, LAW, stage.settings, FASTEST)
+    return Course(scene, ahead, LAW, stage.settings, GREATEST)
 
 
 def nothing():

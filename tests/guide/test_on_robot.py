@@ -184,10 +184,11 @@ def test_an_area_that_is_none_is_named_and_the_last_one_kept():
         ({"max_away": 0.0}, "max_away must be above 0"),
         ({"max_away": math.nan}, "max_away must be"),
         ({"max_away": "far"}, "max_away must be"),
-        ({"region": [(0.0, 0.0), (1.0, 0.0)]}, "three corners"),
+        ({"region": [(0.0, 0.0), (1.0, 0.0)]}, "n >= 3 vertices"),
         ({"region": [(0.0, 0.0), (1.0, 0.0), (1.0, math.nan)]}, "region"),
+        ({"region": AREA[::-1]}, "clockwise"),
         ({"region": np.add(AREA, 5.0)}, "inside its region"),
-        ({"region": "here"}, "region must be numbers"),
+        ({"region": "here"}, "must be numbers"),
     ):
         with pytest.raises(InvalidInputError, match=said):
             guide.stay(HOME, **wrong)

@@ -20,10 +20,11 @@ from qpavoid.guide.local_grid import (
     AMPLE,
     GRID_PITCH,
     Field,
+    grid_size,
     line_room,
-    new_field,
     outline,
     pose_room,
+    room_field,
 )
 from qpavoid.model.capsules import CAPSULE_WIDTH, Segment
 from qpavoid.model.contacts import Contacts
@@ -34,6 +35,13 @@ from shapes import HALF, RADIUS, ROBOT, box
 
 SIZE = search_size(HALF)
 NO_WALLS = np.zeros((0, CAPSULE_WIDTH))
+
+
+def new_field(half, ample, curve, obstacles):
+    """A new array of room_field."""
+    nodes = np.empty((grid_size(half), grid_size(half)))
+    room_field(half, ample, curve, obstacles, nodes)
+    return nodes
 
 
 def driven(way, on=(0.0, 0.0, 0.0)):
@@ -95,7 +103,7 @@ def test_ways_are_free_and_lead_to_the_target(robot, reverse):
         field = Field(nodes, HALF, body)
         if pose_room(field, 0.0, 0.0, 0.0) < 0.05:
             continue
-        search = Search(inner, reverse, 0.05, 0.0, target, True, NO_WALLS)
+        search = Search(inner, reverse, 0.05, target, True, NO_WALLS)
         count = find_way(field, search, np.empty(SIZE), way)
         if count <= 0:
             continue
@@ -118,7 +126,7 @@ def test_an_axle_outside_of_the_footprint_leads_an_l_through_a_gap():
     nodes = new_field(HALF, AMPLE, RADIUS, Obstacles(polygons=corners).arrays)
     field, target = Field(nodes, HALF, outline(robot)), (5.0, 0.0, 0.0)
     assert pose_room(field, 0.0, 0.0, 0.0) > 0.49
-    search = Search(robot.inner_radius, True, 0.03, 0.0, target, False, NO_WALLS)
+    search = Search(robot.inner_radius, True, 0.03, target, False, NO_WALLS)
     count = find_way(field, search, np.empty(SIZE), way)
     assert count > 0
     walls = shapely.MultiPolygon(ends)
@@ -132,7 +140,7 @@ def test_no_way_is_no_way(robot):
     way = np.zeros(MOST_ACTIONS)
     world = Obstacles(walls=box(-1.5, -1.5, 2.5, 1.5))
     field = new_field(HALF, AMPLE + inner, RADIUS, world.arrays)
-    search = Search(inner, True, 0.01, 0.0, (4.0, 0.0, 0.0), False, NO_WALLS)
+    search = Search(inner, True, 0.01, (4.0, 0.0, 0.0), False, NO_WALLS)
     assert find_way(Field(field, HALF, body), search, np.empty(SIZE), way) == -1
 
 
@@ -171,7 +179,7 @@ def test_a_way_to_what_lies_beyond_the_grid_stays_on_this_side_of_a_long_wall(ro
         seen = world.seen_from((0.0, 0.0, turn))
         nodes = new_field(HALF, AMPLE + inner, RADIUS, seen.arrays)
         target = away * math.cos(turn), 0.0, 0.0
-        search = Search(inner, True, 0.01, 0.0, target, False, seen.capsules)
+        search = Search(inner, True, 0.01, target, False, seen.capsules)
         count = find_way(Field(nodes, HALF, body), search, np.empty(SIZE), way)
         assert count > 0
         for pose in driven(way[:count], (0.0, 0.0, turn)):
@@ -216,7 +224,7 @@ def test_the_field_is_the_distance_at_every_node_and_less_within_polygons():
 def test_a_way_is_found_whatever_the_memory_held(before):
     nodes = new_field(SMALL, WIDE, RADIUS, Obstacles(walls=box(1.3, -1, 2, 1)).arrays)
     field = Field(nodes, SMALL, outline(ROBOT.footprint))
-    search = Search(0.29, True, 0.02, 0.1, (3.5, 0.0, 0.0), False, NO_WALLS)
+    search = Search(0.29, True, 0.02, (3.5, 0.0, 0.0), False, NO_WALLS)
     memory, way = np.full(search_size(SMALL), before), np.zeros(MOST_ACTIONS)
     memory_of_zeros, known = np.zeros(search_size(SMALL)), np.zeros(MOST_ACTIONS)
     count = find_way(field, search, memory, way)

@@ -20,7 +20,7 @@ from qpavoid.avoidance.step import PROBLEM_SIZE
 from qpavoid.errors import ConfigError, UnknownNameError
 from qpavoid.guide.local_grid import CELL, OUTLINE_SPACING, outline
 from qpavoid.guide.rollout import ROWS, TICK
-from qpavoid.guide.settings import BACK_SPEED, GuideSettings
+from qpavoid.guide.settings import GuideSettings
 from qpavoid.guide.stage import NO_PATH, PER_CONTACT, fresh_stage
 from qpavoid.lab.play.program import Program
 from qpavoid.lab.scenario.config import find_config, read_document
@@ -93,7 +93,6 @@ SIZES = {
     "ahead": ROWS,
     "tick": TICK,
     "cell": CELL,
-    "back_speed": BACK_SPEED,
     "spacing": OUTLINE_SPACING,
     "blocked": NO_PATH,
     "problem": PROBLEM_SIZE,

@@ -37,12 +37,12 @@ const Pilot = (() => {
 
   /** The same of the guide, cut to what the robot can. */
   function guiding(setup) {
-    const [v_min, v_max, omega_min, omega_max] = setup.robot.limits;
-    const { cell, back_speed } = setup.sizes;
+    const [, v_max, omega_min, omega_max] = setup.robot.limits;
+    const { cell } = setup.sizes;
     const said = recorded(setup, (section) => section === "guide" || section === "radius");
     return {
       ...said, reach: cell * Math.round(said.reach / cell), speed: Math.min(said.speed, v_max),
-      turn_rate: Math.min(said.turn_rate, omega_max, -omega_min), back_speed: Math.min(back_speed, -v_min), inner: setup.robot.inner,
+      turn_rate: Math.min(said.turn_rate, omega_max, -omega_min), inner: setup.robot.inner,
     };
   }
 
