@@ -91,3 +91,22 @@ def table_hash(rows):
     """Return a hash of all that does not depend on the clock."""
     bare = [{k: v for k, v in row.items() if k not in CLOCK} for row in rows]
     return hashlib.sha256(json.dumps(bare, sort_keys=True).encode()).hexdigest()
+
+
+STUDY = """
+title = "Small"
+controllers = {controllers}
+seeds = "{seeds}"
+trajectories = "{keep}"
+{settings}
+[[scenarios]]
+config = "past.toml"
+"""
+
+
+def write_study(folder, seeds, controllers=("eq5", "qp"), keep="none", settings=""):
+    """Write a study of :data:`DOCUMENT`, which lies beside it; return its path."""
+    (folder / "past.toml").write_text(toml(DOCUMENT))
+    told = {"controllers": json.dumps(controllers), "settings": settings}
+    (folder / "study.toml").write_text(STUDY.format(seeds=seeds, keep=keep, **told))
+    return folder / "study.toml"

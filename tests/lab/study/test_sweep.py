@@ -17,18 +17,10 @@ from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.sweep.engine import sweep
 from qpavoid.lab.study.sweep.store import read_provenance, read_rows, shards
 from qpavoid.lab.study.sweep.study import Study, read_study
-from sweep_sources import table_hash, toml
+from sweep_sources import table_hash, toml, write_study
 
-STUDY = """
-title = "Small"
-controllers = ["eq5", "qp", "qp:osqp"]
-seeds = "0:{seeds}"
-trajectories = "{keep}"
-[settings]
-"radius.r_min_slow_m" = [0.17, 0.2]
-[[scenarios]]
-config = "past.toml"
-"""
+OURS = "eq5", "qp", "qp:osqp"
+SETTINGS = '[settings]\n"radius.r_min_slow_m" = [0.17, 0.2]'
 
 
 def small(source=None, seeds=8, controllers=("eq5", "qp"), keep="none"):
@@ -45,14 +37,8 @@ def small(source=None, seeds=8, controllers=("eq5", "qp"), keep="none"):
 
 @pytest.fixture
 def files(tmp_path):
-    (tmp_path / "past.toml").write_text(toml(DOCUMENT))
-
-    def write(seeds, keep="none"):
-        path = tmp_path / "study.toml"
-        path.write_text(STUDY.format(seeds=seeds, keep=keep))
-        return path
-
-    return write
+    """Write a study of three methods in two settings."""
+    return lambda seeds: write_study(tmp_path, f"0:{seeds}", OURS, settings=SETTINGS)
 
 
 @pytest.fixture(scope="module")
@@ -230,7 +216,7 @@ def test_a_variant_is_a_method_with_settings_of_its_own(files, tmp_path):
         sweep(read_study(path), tmp_path / name, workers=1)
         return read_rows(tmp_path / name)
 
-    text = STUDY.format(seeds=2, keep="none").replace('"qp", "qp:osqp"', '"eq5-wide"')
+    text = files(seeds=2).read_text().replace('"qp", "qp:osqp"', '"eq5-wide"')
     found = rows("variant", text.replace("[[scen", f"{VARIANT}[[scen"))
     own = [row for row in found if row["controller"] == "eq5-wide"]
     assert len(found) == 8 and len(own) == 4

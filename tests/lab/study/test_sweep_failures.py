@@ -15,28 +15,7 @@ from qpavoid.cli import main
 from qpavoid.errors import DataError
 from qpavoid.lab.study.sweep import engine, store
 from qpavoid.lab.study.sweep.store import Store, read_provenance, read_rows, shards
-from sweep_sources import DOCUMENT, toml
-
-SLOW = """
-title = "Long"
-controllers = ["eq5", "qp"]
-seeds = "0:2000"
-[[scenarios]]
-config = "past.toml"
-"""
-
-
-@pytest.fixture
-def study(tmp_path):
-    (tmp_path / "past.toml").write_text(toml(DOCUMENT))
-
-    def write(text=SLOW, **change):
-        for old, new in change.items():
-            text = text.replace(f"{old} = ", f"{old} = {new} # ")
-        (tmp_path / "study.toml").write_text(text)
-        return str(tmp_path / "study.toml")
-
-    return write
+from sweep_sources import DOCUMENT, toml, write_study
 
 
 def until(holds, seconds=900.0):
@@ -65,7 +44,7 @@ def processes_of(mark):
 @pytest.mark.parametrize(
     "kills", [1, pytest.param(10, marks=pytest.mark.slow)], ids="{} kills".format
 )
-def test_who_is_killed_leaves_no_children(study, tmp_path, kills):
+def test_who_is_killed_leaves_no_children(tmp_path, kills):
     out = tmp_path / "out"
     command = [
         sys.executable,
@@ -73,7 +52,7 @@ def test_who_is_killed_leaves_no_children(study, tmp_path, kills):
         "-m",
         "qpavoid",
         "sweep",
-        study(),
+        str(write_study(tmp_path, "0:2000")),
         "--out",
         str(out),
     ]
@@ -96,10 +75,17 @@ def test_who_is_killed_leaves_no_children(study, tmp_path, kills):
         assert not list(out.glob("*/.*")) and not list(out.glob("*/*.part"))
 
 
-def test_two_sweeps_into_one_folder(study, tmp_path, capsys):
+def test_two_sweeps_into_one_folder(tmp_path, capsys):
     """The second says that there is a first; who is killed has no lock."""
     out = tmp_path / "out"
-    command = ["sweep", study(seeds='"0:1"'), "--out", str(out), "--workers", "1"]
+    command = [
+        "sweep",
+        str(write_study(tmp_path, "0:1")),
+        "--out",
+        str(out),
+        "--workers",
+        "1",
+    ]
     with Store(out).alone():
         assert main(command) == 1
         said = capsys.readouterr().err
@@ -154,7 +140,7 @@ def test_a_flipped_bit_is_noticed_wherever_it_is(one_shard):
     assert read_rows(one_shard)[0]["min_clearance_m"] == 0.5
 
 
-def test_a_full_disk_in_the_middle_of_a_sweep(study, tmp_path, capsys, monkeypatch):
+def test_a_full_disk_in_the_middle_of_a_sweep(tmp_path, capsys, monkeypatch):
     out, write, left = tmp_path / "out", store.os.fsync, [1]
 
     def full(handle):
@@ -163,7 +149,14 @@ def test_a_full_disk_in_the_middle_of_a_sweep(study, tmp_path, capsys, monkeypat
         left.pop()
         write(handle)
 
-    command = ["sweep", study(seeds='"0:8"'), "--out", str(out), "--workers", "1"]
+    command = [
+        "sweep",
+        str(write_study(tmp_path, "0:8")),
+        "--out",
+        str(out),
+        "--workers",
+        "1",
+    ]
     monkeypatch.setattr(engine, "SHARD_S", 0.0)
     monkeypatch.setattr(store.os, "fsync", full)
     assert main(command) == 1
@@ -174,10 +167,17 @@ def test_a_full_disk_in_the_middle_of_a_sweep(study, tmp_path, capsys, monkeypat
     assert len(read_rows(out)) == 16
 
 
-def test_a_changed_study_in_the_same_folder(study, tmp_path, capsys):
+def test_a_changed_study_in_the_same_folder(tmp_path, capsys):
     """Nothing old is taken for new; what is of another study is said."""
     out = tmp_path / "out"
-    command = ["sweep", study(seeds='"0:2"'), "--out", str(out), "--workers", "1"]
+    command = [
+        "sweep",
+        str(write_study(tmp_path, "0:2")),
+        "--out",
+        str(out),
+        "--workers",
+        "1",
+    ]
     assert main(command) == 0 and "another study" not in capsys.readouterr().out
     path = tmp_path / "past.toml"
     path.write_text(path.read_text().replace("duration_s = 3.0", "duration_s = 0.0", 1))
@@ -191,28 +191,19 @@ def test_a_changed_study_in_the_same_folder(study, tmp_path, capsys):
     assert {row["duration_s"] for row in read_rows(out)} == {2.0, 3.0}
 
 
-OWN = """
-title = "Breaks"
-controllers = ["eq5", "{}"]
-seeds = "0:2"
-[[scenarios]]
-config = "past.toml"
-"""
-
-
-def test_a_run_that_fails_makes_the_exit_status_1(study, tmp_path, monkeypatch, capsys):
+def test_a_run_that_fails_makes_the_exit_status_1(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sys, "path", [*sys.path])
     (tmp_path / "breaks.py").write_text(
         "def half(v, omega, obstacles, context):\n    raise ValueError('no way')\n"
     )
     command = [
         "sweep",
-        study(OWN.format("breaks:half")),
+        str(write_study(tmp_path, "0:2", ("eq5", "breaks:half"))),
         "--out",
         str(tmp_path / "out"),
     ]
     assert main([*command, "--workers", "1"]) == 1
     found = capsys.readouterr()
     assert "2 failed" in found.out and "no way" in found.err
-    command[1] = study(OWN.format("qp"))
+    command[1] = str(write_study(tmp_path, "0:2"))
     assert main([*command, "--workers", "1"]) == 0, "runs of another study do not count"
