@@ -39,7 +39,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import LaserScan, PointCloud2
-from std_msgs.msg import Bool, ColorRGBA, Empty
+from std_msgs.msg import Bool, Empty
 from visualization_msgs.msg import Marker, MarkerArray
 
 from qpavoid.avoidance.decision import Status
@@ -337,15 +337,8 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
 
     def _markers(self, guard: Guard, step: GuardStep) -> MarkerArray:
         """Return lines as markers on the base, one per namespace."""
-        made = []
-        for one in markers(guard, step):
-            kind = Marker.LINE_LIST if one.pairs else Marker.LINE_STRIP
-            marker = self._on_base(Marker(ns=one.name, type=kind))
-            marker.scale.x, marker.pose.orientation.w = 0.02, 1.0
-            marker.color = ColorRGBA(**dict(zip("rgba", one.colour, strict=True)))
-            marker.points = [Point(x=x, y=y) for x, y in one.points.tolist()]
-            marker.action = Marker.ADD if len(one.points) else Marker.DELETE
-            made.append(marker)
+        shown = markers(guard, step)
+        made = [one.on(self._on_base(Marker()), Point) for one in shown]
         return MarkerArray(markers=made)
 
     OUTPUTS = {  # noqa: RUF012

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,9 @@ from qpavoid.types import Array
 
 OK, WARN, ERROR = range(3)
 """Levels of diagnostics, as in ``diagnostic_msgs``."""
+
+ADD, DELETE, LINE_STRIP, LINE_LIST = 0, 2, 4, 5
+"""Actions and types of ``visualization_msgs/Marker``."""
 
 HINDERED = {Status.BLOCKED, Status.HOLDING, Status.STOPPED, Status.RELAXED}
 
@@ -49,6 +52,16 @@ class Drawing(NamedTuple):
     points: Array
     colour: tuple[float, float, float, float]
     pairs: bool = False
+
+    def on(self, marker: Any, point: Any) -> Any:
+        """Return a ``Marker`` of ROS, filled in; ``point``: type of its points."""
+        marker.ns, marker.type = self.name, LINE_LIST if self.pairs else LINE_STRIP
+        marker.action = ADD if len(self.points) else DELETE
+        marker.scale.x, marker.pose.orientation.w = 0.02, 1.0
+        for name, share in zip("rgba", self.colour, strict=True):
+            setattr(marker.color, name, share)
+        marker.points = [point(x=x, y=y, z=0.0) for x, y in self.points.tolist()]
+        return marker
 
 
 def diagnose(

@@ -458,6 +458,7 @@ def write_bag(replayed: Replayed, folder: Path) -> None:
     """Write twists and markers as a bag of MCAP, on the robot, and tf of that."""
     base, odom = replayed.drive.wiring.base_frame, replayed.drive.wiring.odom_frame
     with BagWriter(folder) as bag:
+        point = type(bag.blank("geometry_msgs/msg/Point"))
         kept = replayed.rows, replayed.steps, replayed.drawn
         for row, step, drawn in zip(*kept, strict=True):
             time = row["time_s"]
@@ -469,9 +470,9 @@ def write_bag(replayed: Replayed, folder: Path) -> None:
                     twist = bag.stamped(kind, time, base)
                     twist.twist.linear.x, twist.twist.angular.z = v, omega
                     bag.write(f"/qpavoid/{name}", kind, time, twist)
-            kind = "visualization_msgs/msg/MarkerArray"
+            kind, one = (f"visualization_msgs/msg/Marker{x}" for x in ("Array", ""))
             shown = bag.blank(kind)
-            shown.markers = [_marker(bag, one, time, base) for one in drawn]
+            shown.markers = [x.on(bag.stamped(one, time, base), point) for x in drawn]
             bag.write("/qpavoid/markers", kind, time, shown)
             link = bag.stamped("geometry_msgs/msg/TransformStamped", time, odom)
             link.child_frame_id, half = base, 0.5 * row["heading_rad"]
@@ -482,17 +483,3 @@ def write_bag(replayed: Replayed, folder: Path) -> None:
             moved = bag.blank(kind)
             moved.transforms = [link]
             bag.write("/tf", kind, time, moved)
-
-
-def _marker(bag: BagWriter, one: Drawing, time: float, frame: str) -> Any:
-    """Return a marker of the node."""
-    marker = bag.stamped("visualization_msgs/msg/Marker", time, frame)
-    marker.ns, marker.type = one.name, 5 if one.pairs else 4
-    marker.action = 0 if len(one.points) else 2
-    marker.scale.x, marker.pose.orientation.w = 0.02, 1.0
-    for name, share in zip("rgba", one.colour, strict=True):
-        setattr(marker.color, name, share)
-    for x, y in one.points.tolist():
-        marker.points.append(bag.blank("geometry_msgs/msg/Point"))
-        vars(marker.points[-1]).update(x=x, y=y)
-    return marker
