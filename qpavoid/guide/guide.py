@@ -33,9 +33,10 @@ from qpavoid.guide.stage import (
     SEARCHING,
     STAGE_MODE,
     STILL,
-    GuideStage,
+    Stage,
     Tracking,
     fresh_stage,
+    start_stage,
 )
 from qpavoid.model.contacts import clearance_of
 from qpavoid.model.footprint import Footprint
@@ -471,8 +472,8 @@ class Guide:
     def _start_stage(self) -> None:
         """Continue with the candidates of the present footprint and greatest speed."""
         robot = replace(self.robot, limits=self._slowed)
-        stage = GuideStage(robot, self._guide, self.settings, self._law)
-        self._stage = stage.start(self._state)
+        stage = Stage.of(robot, self._guide, self.settings, self._law)
+        self._stage = start_stage(stage, self._state)
 
     def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
         """Reset the state; the robot drives (v, ω), cut to its limits.

@@ -267,8 +267,8 @@ def geodesic(field: Field, search: Search, cost: Array, heap: Array) -> None:
 def find_way(field: Field, search: Search, memory: Array, way: Array) -> int:
     """Return the number of actions of a path from the robot to a target.
 
-    0 if none was found, −1 if there is none, not even for the axle alone. It ends near
-    the target, or where it leaves the grid towards one outside.
+    0 if none was found. It ends near the target, or where it leaves the grid towards
+    one outside.
 
     Args:
         field: Margins, at least to max(inner, 0) + AMPLE.
@@ -281,7 +281,7 @@ def find_way(field: Field, search: Search, memory: Array, way: Array) -> int:
     geodesic(field, search, remaining, heap)
     n, middle = remaining.shape[0], remaining.shape[0] // 2
     if remaining[middle, middle] == math.inf:
-        return -1
+        return 0
     for place in range(n * n):
         for heading in range(HEADINGS):
             best[place, heading] = math.inf

@@ -14,7 +14,6 @@ in the robot frame, m, m, rad, and move with the robot.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Annotated, NamedTuple, TypeAlias
 
 import numpy as np
@@ -257,6 +256,18 @@ class Stage(NamedTuple):
     settings: Settings
     body: Points
 
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        guide: GuideSettings,
+        avoidance: AvoidanceSettings,
+        law: Array,
+    ) -> "Stage":
+        """Return the data of a robot, its settings and its tracker's law."""
+        record, body = guide.record(robot, avoidance.radius), outline(robot.footprint)
+        return cls(Setup.of(robot, avoidance), law, record, body)
+
 
 @compiled_once
 def scene_of(stage: Stage, memory: Array, count: int, tracking: Tracking) -> Scene:
@@ -448,45 +459,18 @@ Avoid: TypeAlias = Callable[[Obstacles, Tracking], tuple[int, float, float]]
 """Function from obstacles, robot frame, and tracking to the stage's mode, v, ω."""
 
 
-@dataclass(frozen=True)
-class GuideStage:
-    """The stage with its settings, without the state of a run.
+def start_stage(stage: Stage, state: Array) -> Avoid:
+    """Return the stage of a run in a state, as of :func:`fresh_stage` for a new one."""
+    memory = stage_memory(0, stage.settings)
 
-    Attributes:
-        robot: Footprint and limits.
-        settings: Of the guide.
-        avoidance: Settings of the filter behind it.
-        law: Of the tracker.
-    """
+    def avoid(obstacles: Obstacles, tracking: Tracking) -> tuple[int, float, float]:
+        nonlocal memory
+        most = most_contacts(stage.setup.edges, obstacles.arrays)
+        if len(memory.bodies) < most * PER_CONTACT:
+            memory = memory._replace(bodies=np.empty(most * PER_CONTACT))
+        return guide_step(stage, state, memory, obstacles.arrays, tracking)
 
-    robot: Robot
-    settings: GuideSettings = field(default_factory=GuideSettings)
-    avoidance: AvoidanceSettings = field(default_factory=AvoidanceSettings)
-    law: Array = field(default_factory=lambda: np.zeros(9))
-
-    @property
-    def stage(self) -> Stage:
-        """Data for compiled functions."""
-        return Stage(
-            Setup.of(self.robot, self.avoidance),
-            self.law,
-            self.settings.record(self.robot, self.avoidance.radius),
-            outline(self.robot.footprint),
-        )
-
-    def start(self, state: Array | None = None) -> Avoid:
-        """Return the stage of a new run, or of one that continues in a state."""
-        stage, state = self.stage, fresh_stage() if state is None else state
-        memory = stage_memory(0, stage.settings)
-
-        def avoid(obstacles: Obstacles, tracking: Tracking) -> tuple[int, float, float]:
-            nonlocal memory
-            most = most_contacts(stage.setup.edges, obstacles.arrays)
-            if len(memory.bodies) < most * PER_CONTACT:
-                memory = memory._replace(bodies=np.empty(most * PER_CONTACT))
-            return guide_step(stage, state, memory, obstacles.arrays, tracking)
-
-        return avoid
+    return avoid
 
 
 def stage_memory(contacts: int, settings: Settings) -> StageMemory:

@@ -27,11 +27,12 @@ from qpavoid.compiled import ENTRIES
 from qpavoid.export.build import FLAGS, MACOS, SHARED, compile_c, system_compiler, zig
 from qpavoid.export.entries import shape_of
 from qpavoid.export.extension import build_extension, extension_text
+from qpavoid.guide.settings import GuideSettings
 from qpavoid.guide.stage import (
     ACTION,
     COUNT,
     WAY,
-    GuideStage,
+    Stage,
     Tracking,
     fresh_stage,
     stage_memory,
@@ -252,7 +253,8 @@ def test_what_is_asked_for_is_no_part_of_a_call(native):
 
 
 def test_a_stage_without_memory_or_with_a_forged_way_is_refused(native):
-    stage, state = GuideStage(Robot.mir100()).stage, fresh_stage()
+    given = GuideSettings(), AvoidanceSettings(), np.zeros(9)
+    stage, state = Stage.of(Robot.mir100(), *given), fresh_stage()
     memory, ahead = stage_memory(1, stage.settings), np.zeros((1, 5))
     tracking = Tracking((0.5, 0.0), (1.0, 0.0, 0.0), 0.5, (0.5, 0.0), 0.02, ahead)
     assert native.guide_step(stage, state, memory, SEEN, tracking)[0] == 0

@@ -35,7 +35,7 @@ from qpavoid.guide.rollout import (
     roll_on,
 )
 from qpavoid.guide.settings import GuideSettings
-from qpavoid.guide.stage import GuideStage
+from qpavoid.guide.stage import Stage
 from qpavoid.model.kinematics import arc
 from qpavoid.model.robot import GREATEST, limit_twist
 from qpavoid.tracking.kanayama import Gains, tracking_error
@@ -55,7 +55,7 @@ def straight(speed=0.7, aside=0.0, rows=ROWS):
 
 
 def course(obstacles, ahead=None, driven=(0.5, 0.0), guide=None):
-    stage = GuideStage(ROBOT, guide or GuideSettings(), SETTINGS, LAW).stage
+    stage = Stage.of(ROBOT, guide or GuideSettings(), SETTINGS, LAW)
     bodies = np.zeros(200, BODY)
     edges, robot, record = stage.setup
     rest = driven, (0.0, 0.0), np.zeros(0, ARC), bodies[:0], DT, 0.0, math.inf

@@ -5,27 +5,29 @@ import math
 import numpy as np
 import pytest
 
-from qpavoid.avoidance.settings import SafetyRadius
+from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.errors import InvalidInputError
 from qpavoid.guide.guide import ROWS
 from qpavoid.guide.settings import GuideSettings
-from qpavoid.guide.stage import CLEAR, GuideStage, Tracking
+from qpavoid.guide.stage import CLEAR, Stage, Tracking, fresh_stage, start_stage
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
 
 DT = 0.02
 STANDING = np.zeros((ROWS, 5))
+SETTINGS = GuideSettings(), AvoidanceSettings(), np.zeros(9)
 
 
 def test_a_robot_that_stands_where_it_should_is_never_stalled(robot):
-    avoid, beside = GuideStage(robot).start(), Obstacles(discs=[(1.0, 0.0, 0.2)])
+    avoid = start_stage(Stage.of(robot, *SETTINGS), fresh_stage())
+    beside = Obstacles(discs=[(1.0, 0.0, 0.2)])
     rests = Tracking((0.0, 0.0), (0.5, 0.0, 0.0), 0.0, (0.0, 0.0), DT, STANDING)
     for _ in range(1000):
         assert avoid(beside, rests) == (CLEAR, 0.0, 0.0)
 
 
 def test_nothing_is_shared_between_runs(robot):
-    stage = GuideStage(robot)
+    stage = Stage.of(robot, *SETTINGS)
     wall = Obstacles(walls=[(0.86, -9.0, 0.86, 9.0)])
 
     def says(avoid, seconds):
@@ -36,9 +38,9 @@ def test_nothing_is_shared_between_runs(robot):
             )
         return said
 
-    one = stage.start()
+    one = start_stage(stage, fresh_stage())
     assert says(one, 1.9) == CLEAR
-    assert says(stage.start(), 1.9) == CLEAR
+    assert says(start_stage(stage, fresh_stage()), 1.9) == CLEAR
     assert says(one, 0.2) != CLEAR
 
 

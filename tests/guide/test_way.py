@@ -141,7 +141,7 @@ def test_no_way_is_no_way(robot):
     world = Obstacles(walls=box(-1.5, -1.5, 2.5, 1.5))
     field = new_field(HALF, AMPLE + inner, RADIUS, world.arrays)
     search = Search(inner, True, 0.01, (4.0, 0.0, 0.0), False, NO_WALLS)
-    assert find_way(Field(field, HALF, body), search, np.empty(SIZE), way) == -1
+    assert find_way(Field(field, HALF, body), search, np.empty(SIZE), way) == 0
 
 
 def test_the_way_beyond_the_grid_goes_round_each_wall():

@@ -10,7 +10,7 @@ from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import BLOCKED, Decision
 from qpavoid.guide.guide import PathTracking
 from qpavoid.guide.settings import GuideSettings, look_short
-from qpavoid.guide.stage import NO_PATH, GuideStage
+from qpavoid.guide.stage import NO_PATH, Stage, fresh_stage, start_stage
 from qpavoid.lab.planning.planner import Planner, PlanningProblem, standing
 from qpavoid.lab.scenario.methods import find_method, make_controller
 from qpavoid.lab.scenario.scenario import AT_LAST, Scenario
@@ -149,7 +149,8 @@ class Simulation:
         self._path.follow(plan)
         self._stage, self._step = None, method.start()
         if guide is not None:
-            self._stage = GuideStage(robot, guide, settings, tracker.array).start()
+            stage = Stage.of(robot, guide, settings, tracker.array)
+            self._stage = start_stage(stage, fresh_stage())
         self._see, self._believed = make_sensor(scenario), scenario.start
         self._drive = (scenario.plant or Plant()).start(scenario.start)
         where = scenario.localisation
