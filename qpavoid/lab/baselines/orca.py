@@ -173,9 +173,7 @@ class OrcaController(Baseline):
         agents = {0: [self.ahead, 0.0, 0.0, *velocity]}
         # What a step of RVO2 changes: moving discs, and those that walls push.
         moves = np.flatnonzero(near.discs[:, 3:].any(axis=1) | bool(near.still))
-        agents |= {
-            k + 1: near.discs[k].tolist() for k in np.flatnonzero(moves).tolist()
-        }
+        agents |= {k + 1: near.discs[k].tolist() for k in moves.tolist()}
         for i, (x, y, _, v_x, v_y) in agents.items():
             world.set_agent_position(i, (x, y))
             world.set_agent_velocity(i, (v_x, v_y))

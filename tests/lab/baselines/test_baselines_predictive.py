@@ -48,7 +48,8 @@ QUICK = [name for name in AHEAD if name not in PROGRAMS]
 
 @pytest.mark.parametrize(
     ("name", "scene"),
-    [*((name, STANDS) for name in AHEAD), *((name, CROSSES) for name in QUICK)]
+    [(name, scene) for name in QUICK for scene in (STANDS, CROSSES)]
+    + [pytest.param(x, STANDS, marks=pytest.mark.long) for x in PROGRAMS]
     + [pytest.param(x, CROSSES, marks=pytest.mark.slow) for x in PROGRAMS],
 )
 def test_a_disc_that_stands_or_crosses_is_passed(name, scene, tmp_path):
