@@ -21,7 +21,7 @@ from qpavoid.types import Array
 OK, WARN, ERROR = range(3)
 """Levels of diagnostics, as in ``diagnostic_msgs``."""
 
-ADD, DELETE, LINE_STRIP, LINE_LIST = 0, 2, 4, 5
+DRAW, DELETE, LINE_STRIP, LINE_LIST = 0, 2, 4, 5
 """Actions and types of ``visualization_msgs/Marker``."""
 
 HINDERED = {Status.BLOCKED, Status.HOLDING, Status.STOPPED, Status.RELAXED}
@@ -56,7 +56,7 @@ class Drawing(NamedTuple):
     def on(self, marker: Any, point: Any) -> Any:
         """Return a ``Marker`` of ROS, filled in; ``point``: type of its points."""
         marker.ns, marker.type = self.name, LINE_LIST if self.pairs else LINE_STRIP
-        marker.action = ADD if len(self.points) else DELETE
+        marker.action = DRAW if len(self.points) else DELETE
         marker.scale.x, marker.pose.orientation.w = 0.02, 1.0
         for name, share in zip("rgba", self.colour, strict=True):
             setattr(marker.color, name, share)
