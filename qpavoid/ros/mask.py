@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.model.footprint import Footprint
+from qpavoid.ros.frames import Transform
 from qpavoid.ros.messages import Fan
-from qpavoid.ros.transform import Transform
 from qpavoid.types import Array
 
 Flags = npt.NDArray[np.bool_]

@@ -18,10 +18,10 @@ from qpavoid.errors import InvalidInputError, UnknownNameError
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Limits, Robot
+from qpavoid.ros.frames import Transform
 from qpavoid.ros.messages import counter_clockwise
 from qpavoid.ros.modes import DriveSettings
 from qpavoid.ros.perceiver import NodePerception
-from qpavoid.ros.transform import Transform
 from qpavoid.settings import declared, want
 from qpavoid.types import Array
 

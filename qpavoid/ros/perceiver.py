@@ -12,9 +12,9 @@ from qpavoid.model.obstacles import NO_OBSTACLES, Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.perception.perception import Explanation, Perception
 from qpavoid.perception.settings import STEEP, Lidar, NoEcho, PerceptionSettings
+from qpavoid.ros.frames import Transform
 from qpavoid.ros.messages import RANGE_ROUNDING, Fan, Sight
 from qpavoid.ros.odometry import Trail
-from qpavoid.ros.transform import Transform
 from qpavoid.types import Array, Pose
 
 UPRIGHT = math.cos(math.radians(10.0))

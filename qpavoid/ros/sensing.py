@@ -10,12 +10,11 @@ from qpavoid.model.footprint import Footprint, offset_outline
 from qpavoid.model.kinematics import relative, to_world
 from qpavoid.model.obstacles import NO_OBSTACLES, NO_POINTS, Obstacles
 from qpavoid.ros import mask
-from qpavoid.ros.frames import Frames
+from qpavoid.ros.frames import Frames, Transform
 from qpavoid.ros.messages import READERS, Fan, Poses, Sight, Tracks
 from qpavoid.ros.odometry import Odometry, placed
 from qpavoid.ros.parameters import GuardSetup, Wiring
 from qpavoid.ros.perceiver import Perceiver
-from qpavoid.ros.transform import Transform
 from qpavoid.types import Array, Pose
 
 ORIGIN: Pose = (0.0, 0.0, 0.0)

@@ -12,9 +12,8 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.kinematics import integrate, relative
-from qpavoid.ros.frames import BEYOND, MEMORY, STAMPS, Frames
+from qpavoid.ros.frames import BEYOND, MEMORY, STAMPS, Frames, Transform
 from qpavoid.ros.odometry import MOST_POSES, Trail, placed
-from qpavoid.ros.transform import Transform
 from ros_messages import link
 
 NUMBERS = st.floats(-3.0, 3.0)

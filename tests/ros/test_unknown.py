@@ -10,9 +10,9 @@ from ros_guards import BEAMS, DT, LASER, SMALL, Loop
 
 import ros_messages as ros
 from qpavoid.avoidance.inputs import Fault
+from qpavoid.ros.frames import Transform
 from qpavoid.ros.mask import RECORDED, beyond, border
 from qpavoid.ros.messages import Fan
-from qpavoid.ros.transform import Transform
 from shapes import footprints
 
 ANGLES = -math.pi + 2.0 * math.pi / BEAMS * np.arange(BEAMS)
