@@ -17,6 +17,9 @@ NEAR = ("alone", "stop", "apf", "vfh", "dwa")
 AHEAD = ("orca", "mppi", "nmpc", "ttc", "mpc-cbf", "teb")
 """Methods that act on what is near, and those that look ahead."""
 
+PROGRAMS = "nmpc", "mpc-cbf", "teb"
+"""Methods that IPOPT solves, which takes seconds a run."""
+
 HEAVY = replace(
     ROBOT, limits=Limits(-0.4, 1.0, -1.2, 1.5, 0.6, 1.5, wheel_speed=1.1, track=0.45)
 )

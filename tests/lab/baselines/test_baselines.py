@@ -7,7 +7,18 @@ import pytest
 from hypothesis import given
 from numpy.testing import assert_allclose
 
-from baselines import AHEAD, DT, HEAVY, NEAR, following, make, seeds, start, towards
+from baselines import (
+    AHEAD,
+    DT,
+    HEAVY,
+    NEAR,
+    PROGRAMS,
+    following,
+    make,
+    seeds,
+    start,
+    towards,
+)
 from qpavoid.avoidance.decision import Status
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.scenario.methods import OURS, REGISTRY
@@ -26,10 +37,11 @@ ODD = [
         ("rail", (0.0, 1.0, 0.0, 0.0)),
     )
 ]
-SMALL = {name: {"stages": 5, "nearest": 2} for name in ("nmpc", "mpc-cbf", "teb")}
-SMALL["mppi"] = {"samples": 16}
+SMALL = {"mppi": {"samples": 16}}
+SMALL |= {name: {"stages": 5, "nearest": 2} for name in PROGRAMS}
 EVERY = [(name, robot) for name in NEAR for robot in (MIR, HEAVY, *ODD)]
-EVERY += [(name, HEAVY) for name in AHEAD]
+EVERY += [(name, HEAVY) for name in AHEAD if name not in PROGRAMS]
+EVERY += [pytest.param(name, HEAVY, marks=pytest.mark.long) for name in PROGRAMS]
 methods = pytest.mark.parametrize("name", NEAR)
 
 

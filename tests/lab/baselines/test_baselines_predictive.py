@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from baselines import AHEAD, SETTINGS, following, make
+from baselines import AHEAD, PROGRAMS, SETTINGS, following, make
 from qpavoid.lab.baselines.drive import round_robot, wide_discs
 from qpavoid.lab.baselines.orca import Near
 from qpavoid.lab.scenario.scenario import load_scenario
@@ -34,9 +34,6 @@ waiting = true
 [[obstacles]]
 kind = "disc"
 """
-PROGRAMS = "nmpc", "mpc-cbf", "teb"
-"""A run of these takes IPOPT some seconds."""
-
 STANDS = SCENE + "position_m = [3.0, 0.4]\nradius_m = 0.2\n"
 CROSSES = (
     SCENE + "position_m = [3.0, -2.0]\nradius_m = 0.2\nvelocity_mps = [0.0, 0.45]\n"
