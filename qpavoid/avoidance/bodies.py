@@ -392,7 +392,7 @@ def bodies_in_reach(scene: Scene, obstacles: Arrays, age: float, horizon: float)
     for i in range(capsules.shape[0]):
         body = capsule_body(scene, capsules, i, age, horizon)
         apart = math.sqrt(body.x * body.x + body.y * body.y) - body.spread
-        near = body.speed <= s.speed_low and apart < still + body.speed * stop
+        near = body.speed <= s.speed_low and apart < still + 2.0 * body.speed * stop
         if body.kind == MOVES:
             near = apart < radius + (body.speed + fastest) * horizon
         if near:
@@ -496,8 +496,9 @@ def cap_now(scene: Scene, body: Row) -> None:
     # lead out.
     missing = body.required - distance - tolerance(scene)
     if missing > 0.0:
-        body.required -= missing
-        body.spread -= missing
+        body.required, body.spread = body.required - missing, body.spread - missing
+        # A slow obstacle, too: else no plan would be clear, not even away from it.
+        body.v_x, body.v_y, body.turn, body.speed = 0.0, 0.0, 0.0, 0.0
     body.margin_now = distance - body.required
 
 

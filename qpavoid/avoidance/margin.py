@@ -302,6 +302,9 @@ STEP = 0.05
 MOST_SKIPPED = 1e6
 """Greatest number of skipped steps: compiled, a floor is an integer of 64 bits."""
 
+REFINEMENTS = 6
+"""Bisections about the time of the least margin."""
+
 RESOLUTION, DEEPEST = 1e-3, 1e6
 """m; resolution of the least margin, and its greatest deficit."""
 
@@ -432,15 +435,26 @@ def keeps(scene: Scene, rollout: Rollout, moving: bool, level: float) -> bool:
 
 
 @compiled_once
+def margin_at(scene: Scene, rollout: Rollout, i: int, time: float) -> float:
+    """Return the margin of body i at a time, m."""
+    body = scene.bodies[i]
+    arc = rollout.arcs[arc_index(rollout.arcs, 0, time)]
+    ends = ends_at(body, time, frame_at(arc, time, scene.longest))
+    distance = line_contact(scene.edges, body, ends).distance
+    return float(distance - body.required - growth_of(scene, body) * time)
+
+
+@compiled_once
 def sampled_margin(
     scene: Scene, rollout: Rollout, i: int, end: float, most: float
 ) -> float:
     """Return the least of the sampled margins of body i up to a time, m, ≤ ``most``.
 
     Sampled every :data:`STEP`, at most :data:`LOOKS` times, but for samples that cannot
-    be less.
+    be less; then bisected about the least.
     """
     arcs, body, least, time, row = rollout.arcs, scene.bodies[i], most, 0.0, 0
+    when = -1.0
     passing = passing_speed(scene, rollout, body)
     step = max(STEP, end / LOOKS)
     for _ in range(LOOKS + 1):
@@ -454,13 +468,21 @@ def sampled_margin(
                 closing_speed(scene, rollout, body),
             )
         margin -= growth_of(scene, body) * time
-        least = min(least, margin)
+        if margin < least:
+            least, when = margin, time
         if time >= end:
             break
         steps, way = 1.0, speed * step
         if way > 0.0:
             steps = max(math.floor(min((margin - least) / way, MOST_SKIPPED)), 1.0)
         time = min(time + steps * step, end)
+    for _ in range(REFINEMENTS if when >= 0.0 else 0):
+        step *= 0.5
+        for side in range(2):
+            time = min(max(when + (2 * side - 1) * step, 0.0), end)
+            margin = margin_at(scene, rollout, i, time)
+            if margin < least:
+                least, when = margin, time
     return least
 
 

@@ -165,6 +165,32 @@ def most_arcs(settings: FilterSettings) -> int:
 
 
 @compiled_once
+def ramp(
+    now: float, target: float, step: float, many: int
+) -> tuple[float, float, float]:
+    """Return a value after ``many`` steps towards a target, its mean, ∂mean/∂target.
+
+    At the start of each step it moves by at most ``step``.
+    """
+    gap = target - now
+    full = min(float(many), math.floor(abs(gap) / step))
+    moved = math.copysign(step, gap)
+    end = target if full < many else now + many * moved
+    # A staircase: `full` steps of equal height, then the target for the rest.
+    rest = float(many) - full
+    mean = (full * now + 0.5 * full * (full + 1.0) * moved + rest * target) / many
+    # Exactly the target, not many·target/many: equal values join arcs.
+    return end, mean if full > 0.0 else target, rest / many
+
+
+@compiled_once
+def coarse_steps(scene: Scene) -> int:
+    """Return the number of control steps per tick, at least 1."""
+    s = scene.settings[0]
+    return max(1, round(s.tick / s.dt))
+
+
+@compiled_once
 def arc_index(arcs: Table, row: int, time: float) -> int:
     """Return the index of the arc driven at a time, searched from ``row`` on."""
     while row + 1 < arcs.shape[0] and arcs[row + 1].begin <= time:
@@ -183,9 +209,14 @@ def arc_from(begin: float, at: Frame, twist: Pair, steps: float) -> Arc:
 
 
 @compiled_once
-def roll_out(scene: Scene, plan: Plan) -> Rollout:
-    """Return the rollout of a plan, in the scene's memory: valid until the next one."""
+def roll_out(scene: Scene, plan: Plan, many: int) -> Rollout:
+    """Return the rollout of a plan, in the scene's memory: valid until the next one.
+
+    Each arc of a ramp takes ``many`` control steps, driven with their mean twist; 1 is
+    exact, and keeps the wheels' limits.
+    """
     robot, dt, arcs = scene.robot, scene.settings[0].dt, scene.arcs
+    limits = limits_of(robot)
     at, time, row, same = Frame(0.0, 0.0, 1.0, 0.0), 0.0, 0, SAME_TIME * dt
     speed, turning, (v, omega), last = 0.0, 0.0, scene.last, plan.end - dt
     target = (plan.v_then, plan.omega_then)
@@ -194,17 +225,23 @@ def roll_out(scene: Scene, plan: Plan) -> Rollout:
         if part == 0:
             until, target = min(plan.switch, last), (plan.v, plan.omega)
         while time < until - same and row < arcs.shape[0] - 1:
-            before = (v, omega)
-            v, omega = limit_twist(robot, target, before, dt)
+            v_end, v_mean, v_share = ramp(v, target[0], limits.acceleration * dt, many)
+            w_end, w_mean, w_share = ramp(
+                omega, target[1], limits.angular_acceleration * dt, many
+            )
+            # The wheels' limit couples v and ω; means would not keep it.
+            if many == 1:
+                v_end, w_end = limit_twist(robot, target, (v, omega), dt)
+                v_mean, w_mean = v_end, w_end
             # One arc to the end of this part once the twist does not change any more.
-            settled = (v, omega) == target or (v, omega) == before
-            lasts = until - time if settled else min(dt, until - time)
-            arcs[row] = arc_from(time, at, (v, omega), math.inf)
+            settled = (v_mean, w_mean) == target or (v_end, w_end) == (v, omega)
+            lasts = until - time if settled else min(many * dt, until - time)
+            arcs[row] = arc_from(time, at, (v_mean, w_mean), math.inf)
             if part == 0:
-                arcs[row].slope_v = 1.0 if v == target[0] else 0.0
-                arcs[row].slope_omega = 1.0 if omega == target[1] else 0.0
-            at, time, row = moved_on(at, v, omega, lasts), time + lasts, row + 1
-            speed, turning = max(speed, abs(v)), max(turning, abs(omega))
+                arcs[row].slope_v, arcs[row].slope_omega = v_share, w_share
+            at, time, row = moved_on(at, v_mean, w_mean, lasts), time + lasts, row + 1
+            speed, turning = max(speed, abs(v_mean)), max(turning, abs(w_mean))
+            v, omega = v_end, w_end
     # The last control step still accelerates to the target; braking starts from there.
     if plan.switch > last + same:
         target = (plan.v, plan.omega)
@@ -280,7 +317,7 @@ def fill_places(
     scene = Scene(edges, robot, settings, none, last, still, arcs, none, dt, 0.0,
                   math.inf)
     # fmt: on
-    rollout = roll_out(scene, plan)
+    rollout = roll_out(scene, plan, 1)
     for k in range(times.shape[0]):
         row = arc_index(rollout.arcs, 0, times[k])
         at = frame_at(rollout.arcs[row], times[k], dt)

@@ -49,6 +49,7 @@ from qpavoid.avoidance.plan import (
     Slopes,
     arc_index,
     braking_place,
+    coarse_steps,
     frame_at,
     hold,
     plan_of,
@@ -406,7 +407,8 @@ def violation_by(scene: Scene, rollout: Rollout) -> Violation:
 def rollout_of(scene: Scene, twist: Pair) -> Rollout:
     """Return the rollout of a constant twist, a control step beyond the horizon."""
     s = scene.settings[0]
-    return roll_out(scene, hold(twist[0], twist[1], s.horizon + s.dt))
+    plan = hold(twist[0], twist[1], s.horizon + s.dt)
+    return roll_out(scene, plan, coarse_steps(scene))
 
 
 class Problem(NamedTuple):

@@ -20,11 +20,12 @@ from typing import NamedTuple
 
 from qpavoid.avoidance.bodies import Scene, any_moves, moves, threshold, with_bodies
 from qpavoid.avoidance.margin import (
+    DEEPEST,
     RESOLUTION,
     Violation,
     Watch,
+    margin_at,
     sampled_least,
-    too_near,
     violation,
 )
 from qpavoid.avoidance.plan import (
@@ -33,6 +34,7 @@ from qpavoid.avoidance.plan import (
     PROPOSED,
     SEARCHED,
     Plan,
+    coarse_steps,
     hold,
     plan_of,
     roll_out,
@@ -111,31 +113,51 @@ def searched_twist(box: Box, i: int) -> Pair:
     return v, box.omega_min + 0.25 * ((i - 9) % 5) * width
 
 
+@compiled
+def quantised(margin: float) -> float:
+    """Return the margin in units of :data:`RESOLUTION`, at most :data:`PLENTY`, m."""
+    bounded = min(max(margin, -DEEPEST), PLENTY)
+    return RESOLUTION * math.floor(bounded / RESOLUTION)
+
+
+@compiled_once
+def is_better(one: Found, other: Found) -> bool:
+    """Return whether a plan is better: by quantised margin, then cost, then margin.
+
+    A total order, independent of the order of the search. A margin larger by less than
+    :data:`RESOLUTION` is worth no higher cost.
+    """
+    if quantised(one.margin) != quantised(other.margin):
+        return one.margin > other.margin
+    if one.cost != other.cost:
+        return one.cost < other.cost
+    return one.margin > other.margin
+
+
 @compiled_once
 def better_plan(scene: Scene, query: Query, plan: Plan, best: Found) -> Found:
-    """Return the score of a plan if it is better than the best so far, else that.
-
-    By margin, then by cost: a margin larger by less than :data:`RESOLUTION` is worth no
-    higher cost.
-    """
+    """Return the score of a plan if it is better than the best so far, else that."""
     then = twist_cost(scene, (plan.v_then, plan.omega_then), query.desired)
     cost = twist_cost(scene, (plan.v, plan.omega), query.desired) + 0.1 * then
-    level = best.margin + (RESOLUTION if cost >= best.cost else 0.0)
-    if level > PLENTY + 0.5 * RESOLUTION:
+    dearer = cost > best.cost
+    if dearer and best.margin >= PLENTY:
         return best
-    rollout = roll_out(scene, plan)
-    still = (rollout.rest, threshold(scene))
-    watch = Watch((scene.settings[0].horizon, level), still)
+    # A dearer plan needs a larger margin.
+    level = quantised(best.margin) + (RESOLUTION if dearer else 0.0)
+    rollout = roll_out(scene, plan, coarse_steps(scene))
     # The last violation recurs in most of the next plans: one sample rejects them.
-    (body, time), lowest = best.met, level
+    (body, time), lowest = best.met, threshold(scene)
     if body >= 0:
-        lowest = level if moves(scene, body) else threshold(scene)
-    if body >= 0 and too_near(scene, rollout, body, (time, time), lowest, 0.0)[0]:
-        return best
-    met = violation(scene, rollout, watch, 0.5 * RESOLUTION)
+        lowest = level if moves(scene, body) else lowest
+        if margin_at(scene, rollout, body, time) < lowest:
+            return best
+    watch = Watch((scene.settings[0].horizon, level), (rollout.rest, threshold(scene)))
+    met = violation(scene, rollout, watch, RESOLUTION)
     if met.body >= 0:
         return Found(best.plan, best.margin, best.cost, met)
-    return Found(plan, sampled_least(scene, rollout, True, PLENTY), cost, best.met)
+    margin = sampled_least(scene, rollout, True, PLENTY)
+    found = Found(plan, margin, cost, best.met)
+    return found if is_better(found, best) else best
 
 
 @compiled_once

@@ -95,7 +95,7 @@ def verdict(scene: Scene, plan: Plan, until: float) -> bool:
     twist, level = first_twist(scene, plan), threshold(scene)
     if not (is_clear_actuated(scene, twist) and may_move(scene, twist, 0.0)):
         return False
-    rollout = roll_out(scene, plan)
+    rollout = roll_out(scene, plan, 1)
     watch = Watch((until, level), (rollout.rest, level))
     return violation(scene, rollout, watch, 0.0).body < 0
 
@@ -115,7 +115,7 @@ class PlanMargins(NamedTuple):
 @compiled_once
 def margins(scene: Scene, plan: Plan) -> PlanMargins:
     """Return the least margins of a plan."""
-    rollout, level = roll_out(scene, plan), threshold(scene)
+    rollout, level = roll_out(scene, plan, 1), threshold(scene)
     static = least_margin(scene, rollout, False, level)
     return PlanMargins(static, least_margin(scene, rollout, True, level))
 
@@ -202,7 +202,7 @@ def is_clear_actuated(scene: Scene, twist: Pair) -> bool:
     reach = limits_of(scene.robot).circumradius + way_to_rest(scene, twist)
     # Each pending step may last longer than predicted.
     off = (scene.longest - s.dt) * (far + turned * reach)
-    rollout, level = roll_out(braced, hold(twist[0], twist[1], s.dt)), off
+    rollout, level = roll_out(braced, hold(twist[0], twist[1], s.dt), 1), off
     level += threshold(scene)
     return keeps(braced, rollout, False, level)
 
@@ -227,7 +227,7 @@ def leaves_contacts(scene: Scene, twist: Pair) -> bool:
     if twist == (0.0, 0.0):
         return True
     s = scene.settings[0]
-    rollout = roll_out(scene, hold(twist[0], twist[1], s.dt))
+    rollout = roll_out(scene, hold(twist[0], twist[1], s.dt), 1)
     for i in range(scene.bodies.shape[0]):
         body = scene.bodies[i]
         touched = body.required - tolerance(scene) < body.beyond_r_min
@@ -247,7 +247,7 @@ def rests_in_time(scene: Scene, twist: Pair) -> bool:
 
     Passive safety [Bouraine2012]: the setting ``passive``.
     """
-    rollout = roll_out(scene, hold(twist[0], twist[1], scene.settings[0].dt))
+    rollout = roll_out(scene, hold(twist[0], twist[1], scene.settings[0].dt), 1)
     for i in range(scene.bodies.shape[0]):
         if moves(scene, i) and rollout.rest > 0.0:
             body = scene.bodies[i]

@@ -85,14 +85,15 @@ def test_the_rest_of_a_plan_is_the_same_way(robot, seed):
 
 
 @robots
+@pytest.mark.parametrize("many", [1, 3])
 @given(speeds, turns, speeds, turns)
-def test_slopes_are_those_of_finite_differences(robot, v, omega, last_v, last_w):
+def test_slopes_are_those_of_finite_differences(robot, many, v, omega, last_v, last_w):
     scene = scene_of(robot, NOTHING, (last_v, last_w))
     plan = hold(v, omega, HORIZON + DT)
 
     def driven(d_v, d_omega):
         changed = hold(v + d_v, omega + d_omega, plan.end)
-        return rolled(scene, changed)
+        return rolled(scene, changed, many)
 
     rollout, h = driven(0.0, 0.0), 1e-6
     fill_slopes(rollout, DT)

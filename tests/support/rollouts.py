@@ -56,14 +56,14 @@ def scene_of(robot, world, last=(0.0, 0.0), settings=SETTINGS, age=0.0, horizon=
     return scene._replace(bodies=bodies[:count])
 
 
-def rolled(scene, plan):
+def rolled(scene, plan, many=1):
     """Result of ``roll_out``, in memory of its own.
 
     A compiled function that takes no part in counting references hands Python the whole
     array in place of a slice.
     """
     scene.arcs["begin"] = np.nan
-    made = pre.roll_out(scene, plan)
+    made = pre.roll_out(scene, plan, many)
     count = np.isfinite(scene.arcs["begin"]).sum()
     return made._replace(arcs=scene.arcs[:count].copy())
 
