@@ -88,6 +88,7 @@ class Query(NamedTuple):
         command: v and ω as requested.
         desired: The command; with look-ahead clipped to the limits.
         predicted: Memory of the predicted contacts.
+        frames: Memory of the robot's frames at the ticks.
         closer: Memory of :func:`qpavoid.avoidance.selection.at_min_clearance`.
         rows: Memory of the QP; the first ``present`` rows are filled in.
         present: Number of rows of the present: with look-ahead of static obstacles
@@ -100,6 +101,7 @@ class Query(NamedTuple):
     command: Pair
     desired: Pair
     predicted: Table
+    frames: Table
     closer: Table
     rows: Array
     present: int
@@ -129,9 +131,9 @@ class Predicted(NamedTuple):
     body: int
 
 
-PREDICTED = layout(Predicted)
-PREDICTED_SIZE = PREDICTED.itemsize // 8
-"""Layout of the table of predicted contacts, and numbers of memory per contact."""
+PREDICTED, FRAME = layout(Predicted), layout(Frame)
+PREDICTED_SIZE, FRAME_SIZE = PREDICTED.itemsize // 8, FRAME.itemsize // 8
+"""Layouts of the tables of predicted contacts and frames, and numbers per row."""
 
 
 @entry
@@ -191,7 +193,9 @@ def note_contact(
 
 
 @compiled_once
-def predict_contacts(scene: Scene, rollout: Rollout, predicted: Table) -> None:
+def predict_contacts(
+    scene: Scene, rollout: Rollout, predicted: Table, frames: Table
+) -> None:
     """Fill in the contacts that get a row of the linearisation.
 
     Contacts with similar normals at about the same time give similar rows; the one with
@@ -199,7 +203,9 @@ def predict_contacts(scene: Scene, rollout: Rollout, predicted: Table) -> None:
     again when its margin may have changed by its value. A missed contact costs at most
     an iteration, since the solution is verified in full.
     """
-    s = scene.settings[0]
+    s, arcs = scene.settings[0], rollout.arcs
+    for k in range(frames.shape[0]):
+        frames[k].cos = math.inf
     for row in range(predicted.shape[0]):
         # Empty: no smaller margin yet.
         predicted[row].margin, predicted[row].y = ROW_WITHIN, -math.inf
@@ -207,13 +213,15 @@ def predict_contacts(scene: Scene, rollout: Rollout, predicted: Table) -> None:
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
         body, end = scene.bodies[i], s.horizon if moves(scene, i) else s.horizon_still
-        last, k, row = round(end / s.tick), 1, 0
+        last, k = round(end / s.tick), 1
         pace = s.tick * closing_speed(scene, rollout, body) + TINY
         passing = s.tick * passing_speed(scene, rollout, body) + TINY
         while k <= last:
             time = s.tick * k
-            row = arc_index(rollout.arcs, row, time)
-            at = frame_at(rollout.arcs[row], time, s.dt)
+            # An impossible cosine marks a frame not filled in for this rollout.
+            if frames[k].cos > 1.0:
+                frames[k] = frame_at(arcs[arc_index(arcs, 0, time)], time, s.dt)
+            at = Frame(frames[k].x, frames[k].y, frames[k].cos, frames[k].sin)
             margin = circle_margin(scene, body, time, at)
             if margin > 2.0 * ROW_WITHIN:
                 k += 2 + int(min((margin - ROW_WITHIN) / passing, last))
@@ -280,7 +288,7 @@ def linearised_rows(
     ``met``, which may lie between two ticks.
     """
     predicted, rows = query.predicted, query.rows
-    predict_contacts(scene, rollout, predicted)
+    predict_contacts(scene, rollout, predicted, query.frames)
     if met.body >= 0:
         arc = rollout.arcs[arc_index(rollout.arcs, 0, met.time)]
         then = frame_at(arc, met.time, scene.settings[0].dt)

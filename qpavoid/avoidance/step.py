@@ -55,6 +55,8 @@ from qpavoid.avoidance.plan import (
     pending_sums,
 )
 from qpavoid.avoidance.proposals import (
+    FRAME,
+    FRAME_SIZE,
     PREDICTED,
     PREDICTED_SIZE,
     SEPARATION,
@@ -122,6 +124,7 @@ class Workspace(NamedTuple):
         points: In the robot frame when the twist takes effect.
         capsules: In that frame, with joined walls.
         closer: Bodies of :func:`qpavoid.avoidance.selection.at_min_clearance`.
+        frames: Robot frames at the ticks.
         problem: See :func:`qpavoid.avoidance.step.set_problem`.
     """
 
@@ -134,6 +137,7 @@ class Workspace(NamedTuple):
     points: Array
     capsules: Array
     closer: Table
+    frames: Table
     problem: Array
 
 
@@ -174,6 +178,7 @@ def memory_size(contacts: int, settings: FilterSettings) -> int:
     rows = many + predicted + 8
     tables = (2.0 * many + contacts // FEW) * BODY_SIZE
     tables += most_arcs(settings) * ARC_SIZE + predicted * PREDICTED_SIZE
+    tables += (look_ticks(settings) + 1) * FRAME_SIZE
     each = CONTACT_SIZE + 2 + CAPSULE_WIDTH
     return int(many * each + rows * ROW_WIDTH + tables + PROBLEM_SIZE)
 
@@ -192,7 +197,8 @@ def workspace_in(
     g = f + predicted * PREDICTED_SIZE
     h = g + 2 * contacts
     i = h + CAPSULE_WIDTH * contacts
-    end = i + contacts * BODY_SIZE
+    j = i + contacts * BODY_SIZE
+    end = j + (look_ticks(settings) + 1) * FRAME_SIZE
     return Workspace(
         memory[:a],
         memory[a:b].reshape(contacts + predicted + 8, ROW_WIDTH),
@@ -202,7 +208,8 @@ def workspace_in(
         memory[f:g].view(PREDICTED),
         memory[g:h].reshape(contacts, 2),
         memory[h:i].reshape(contacts, CAPSULE_WIDTH),
-        memory[i:end].view(BODY),
+        memory[i:j].view(BODY),
+        memory[j:end].view(FRAME),
         memory[end : end + PROBLEM_SIZE],
     )
 
@@ -354,8 +361,8 @@ def query_of(
         for column in range(A_V, B + 1):
             rows[i, column] *= SEPARATION
     desired = clipped(command, box) if ahead else command
-    predicted, closer, slack = space.predicted, space.closer, s.slack_tolerance
-    return Query(box, command, desired, predicted, closer, rows, m, slack, ahead)
+    tables, slack = (space.predicted, space.frames, space.closer), s.slack_tolerance
+    return Query(box, command, desired, *tables, rows, m, slack, ahead)
 
 
 class Certified(NamedTuple):

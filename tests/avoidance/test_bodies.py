@@ -129,7 +129,8 @@ def test_no_answer_depends_on_groups(robot, seed):
     for one in (scene, plain):
         ticks = look_ticks(SETTINGS.record())
         tables.append(np.zeros(lin.most_predicted(ticks), lin.PREDICTED))
-        lin.predict_contacts(one, rollout, tables[-1])
+        frames = np.zeros(ticks + 1, lin.FRAME)
+        lin.predict_contacts(one, rollout, tables[-1], frames)
     np.testing.assert_array_equal(*tables)
 
 
