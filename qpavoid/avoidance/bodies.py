@@ -223,6 +223,46 @@ stands, like static ones but with their velocity; faster ones have rows alone.""
 
 
 @compiled
+def copied(b: Body) -> Body:
+    """Return a copy of a row of the table."""
+    # fmt: off
+    return Body(b.x, b.y, b.x1, b.y1, b.x2, b.y2, b.v_x, b.v_y, b.turn, b.required,
+                b.beyond_r_min, b.spread, b.speed, b.margin_now, b.sigma,
+                b.kind, b.owner, b.group)
+    # fmt: on
+
+
+@compiled_once
+def precedes(bodies: Table, i: int, j: int) -> bool:
+    """Return whether row i is before row j in lexicographic order."""
+    a, b = bodies[i], bodies[j]
+    # fmt: off
+    one = (a.x, a.y, a.x1, a.y1, a.x2, a.y2, a.v_x, a.v_y, a.turn, a.required,
+           a.beyond_r_min,
+           a.spread, a.speed, a.kind)
+    other = (b.x, b.y, b.x1, b.y1, b.x2, b.y2, b.v_x, b.v_y, b.turn, b.required,
+             b.beyond_r_min, b.spread, b.speed, b.kind)
+    # fmt: on
+    return one < other
+
+
+@compiled_once
+def sort_bodies(bodies: Table) -> None:
+    """Sort the rows by Shell's method, independent of the order of input."""
+    # Not numpy's sort, which allocates and is not in the C export.
+    gap = count = bodies.shape[0]
+    while gap > 1:
+        gap = max(gap * 5 // 11, 1)
+        for i in range(gap, count):
+            j = i - gap
+            while j >= 0 and precedes(bodies, j + gap, j):
+                copy = copied(bodies[j])
+                bodies[j] = bodies[j + gap]
+                bodies[j + gap] = copy
+                j -= gap
+
+
+@compiled
 def moves(scene: Scene, i: int) -> bool:
     """Return whether body i moves."""
     return bool(scene.bodies[i].kind == MOVES)
@@ -405,6 +445,8 @@ def bodies_in_reach(scene: Scene, obstacles: Arrays, age: float, horizon: float)
         cap_behind(scene, count, tangent_of_nearest(scene, count, one.normal))
     if horizon > 0.0:
         group_points(scene, first)
+    # Points keep the order of the scan, in which neighbours form groups.
+    sort_bodies(bodies[first:count])
     return count
 
 
@@ -461,6 +503,8 @@ def capsule_body(
 ) -> Body:
     """Return the body of a capsule, static or moving.
 
+    Its end farther back comes first, independent of the order of input.
+
     Args:
         scene: Of the step.
         capsules: The table.
@@ -473,6 +517,9 @@ def capsule_body(
     r_min, required = required_distance(scene.settings, speed, age)
     required += closing_margin(scene, (x, y), (v_x, v_y)) + c[RADIUS]
     x1, y1, x2, y2 = c[X1], c[Y1], c[X2], c[Y2]
+    nearer, level = abs(y2) < abs(y1), abs(y2) == abs(y1)
+    if x2 < x1 or (x2 == x1 and (nearer or (level and y2 < y1))):
+        x1, y1, x2, y2 = x2, y2, x1, y1
     x1, y1, x2, y2 = x1 - x, y1 - y, x2 - x, y2 - y
     spread = required + math.sqrt(max(x1**2 + y1**2, x2**2 + y2**2))
     turn, sigma = c[TURN], c[SIGMA]

@@ -49,6 +49,7 @@ from qpavoid.avoidance.bodies import (
     line_contact,
     moves,
     part_contact,
+    precedes,
     threshold,
     with_bodies,
 )
@@ -305,8 +306,12 @@ MOST_SKIPPED = 1e6
 REFINEMENTS = 6
 """Bisections about the time of the least margin."""
 
-RESOLUTION, DEEPEST = 1e-3, 1e6
-"""m; resolution of the least margin, and its greatest deficit."""
+RESOLUTION, LEAST_STEP, DEEPEST = 1e-3, 1e-4, 1e6
+"""m; resolution of the margin of a plan; least step of a search for a kept threshold;
+greatest deficit of a margin."""
+
+CHECKS = 4
+"""Steps of that search, each eight times the last one."""
 
 SPARE = 0.02
 """m; excess of a group's margin below which its points are checked one by one."""
@@ -396,33 +401,30 @@ def violation_of(
 
 @compiled_once
 def violation(scene: Scene, rollout: Rollout, watch: Watch, slack: float) -> Violation:
-    """Return a violation of a threshold along a rollout; body −1: none.
+    """Return the first body, in the order of rows, that violates, and when.
 
     ``slack``: see :func:`too_near`.
     """
+    met = Violation(-1, 0.0)
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
-        met = violation_of(scene, rollout, i, watch, slack)
-        if met.body >= 0:
-            return met
+        # Points keep the order of the scan: their least row is sought.
+        if met.body < 0 or precedes(scene.bodies, i, met.body):
+            found = violation_of(scene, rollout, i, watch, slack)
+            met = found if found.body >= 0 else met
         i = next_body(scene, rollout, i + 1, watch)
-    return Violation(-1, 0.0)
+    return met
 
 
 @compiled_once
-def first_violation(
-    scene: Scene, rollout: Rollout, watch: Watch, slack: float
-) -> Violation:
-    """Return the violation at the least time; arguments as :func:`violation`."""
-    met, i = Violation(-1, 0.0), next_body(scene, rollout, 0, watch)
+def keeps_all(scene: Scene, rollout: Rollout, watch: Watch) -> bool:
+    """Return whether no body violates its threshold."""
+    i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
-        found = violation_of(scene, rollout, i, watch, slack)
-        if found.body >= 0:
-            met, ((end, level), (rest, least)) = found, watch
-            # The others are checked up to this time.
-            watch = Watch((min(end, met.time), level), (min(rest, met.time), least))
+        if violation_of(scene, rollout, i, watch, 0.0).body >= 0:
+            return False
         i = next_body(scene, rollout, i + 1, watch)
-    return met
+    return True
 
 
 @compiled_once
@@ -431,7 +433,7 @@ def keeps(scene: Scene, rollout: Rollout, moving: bool, level: float) -> bool:
     watch = Watch(UNWATCHED, (rollout.rest, level))
     if moving:
         watch = Watch((scene.settings[0].horizon, level), UNWATCHED)
-    return violation(scene, rollout, watch, 0.0).body < 0
+    return keeps_all(scene, rollout, watch)
 
 
 @compiled_once
@@ -502,18 +504,16 @@ def sampled_least(scene: Scene, rollout: Rollout, moving: bool, most: float) -> 
 
 @compiled_once
 def least_margin(scene: Scene, rollout: Rollout, moving: bool, most: float) -> float:
-    """Return a lower bound of the least margin of the moving or the static bodies, m.
+    """Return a bound of the least margin of the moving or the static bodies, m.
 
-    A threshold that is kept: see :func:`sampled_least`.
+    Samples may miss the least: see :func:`sampled_least`. The result is a threshold
+    that is kept, or :data:`CHECKS` are not enough for one.
     """
     if keeps(scene, rollout, moving, most):
         return most
-    level, step = sampled_least(scene, rollout, moving, most), RESOLUTION
-    while step < DEEPEST and not keeps(scene, rollout, moving, level):
-        level, step = level - step, 2.0 * step
-    step *= 0.5
-    while step > RESOLUTION:
-        step *= 0.5
-        if keeps(scene, rollout, moving, level + step):
-            level += step
+    level, step = sampled_least(scene, rollout, moving, most), LEAST_STEP
+    for _ in range(CHECKS):
+        if keeps(scene, rollout, moving, level):
+            break
+        level, step = level - step, 8.0 * step
     return level

@@ -28,6 +28,7 @@ from qpavoid.avoidance.bodies import (
     ends_at,
     moves,
     part_contact,
+    precedes,
     tolerance,
 )
 from qpavoid.avoidance.cbf_rows import wheel_rows
@@ -36,9 +37,9 @@ from qpavoid.avoidance.margin import (
     Watch,
     circle_margin,
     closing_speed,
-    first_violation,
     next_body,
     passing_speed,
+    violation,
 )
 from qpavoid.avoidance.plan import (
     AS_COMMANDED,
@@ -185,8 +186,10 @@ def note_contact(
             slot = max(math.ceil(time / tick - SAME_TIME) - 1, 0) // STRIDE
             row = slot * OCTANTS + sector(contact.n_x, contact.n_y)
             one = predicted[row]
-            # A tie is broken independently of the order of input.
-            if (margin, contact.y) < (one.margin, one.y):
+            # Of equal margins the first row's: independent of the order of points.
+            if margin < one.margin or (
+                margin == one.margin and precedes(scene.bodies, i, one.body)
+            ):
                 p_x, p_y, n_x, n_y = contact.x, contact.y, contact.n_x, contact.n_y
                 predicted[row] = Predicted(p_x, p_y, n_x, n_y, margin, time, i)
     return least
@@ -208,7 +211,7 @@ def predict_contacts(
         frames[k].cos = math.inf
     for row in range(predicted.shape[0]):
         # Empty: no smaller margin yet.
-        predicted[row].margin, predicted[row].y = ROW_WITHIN, -math.inf
+        predicted[row].margin = ROW_WITHIN
     watch = Watch((s.horizon, ROW_WITHIN), (s.horizon_still, ROW_WITHIN))
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
@@ -408,7 +411,7 @@ def violation_by(scene: Scene, rollout: Rollout) -> Violation:
     """
     s, slack = scene.settings[0], 0.5 * tolerance(scene)
     watch = Watch((s.horizon, 0.0), (s.horizon_still, 0.0))
-    return first_violation(scene, rollout, watch, slack)
+    return violation(scene, rollout, watch, slack)
 
 
 @compiled_once

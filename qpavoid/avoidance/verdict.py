@@ -63,9 +63,9 @@ from qpavoid.avoidance.bodies import (
 from qpavoid.avoidance.margin import (
     Watch,
     keeps,
+    keeps_all,
     least_margin,
     too_near,
-    violation,
 )
 from qpavoid.avoidance.plan import Plan, hold, roll_out, whole_steps
 from qpavoid.avoidance.settings import least_radius
@@ -97,7 +97,7 @@ def verdict(scene: Scene, plan: Plan, until: float) -> bool:
         return False
     rollout = roll_out(scene, plan, 1)
     watch = Watch((until, level), (rollout.rest, level))
-    return violation(scene, rollout, watch, 0.0).body < 0
+    return keeps_all(scene, rollout, watch)
 
 
 class PlanMargins(NamedTuple):
