@@ -22,10 +22,13 @@ from qpavoid.avoidance.bodies import Scene, any_moves, moves, threshold, with_bo
 from qpavoid.avoidance.margin import (
     DEEPEST,
     RESOLUTION,
+    UNWATCHED,
     Violation,
     Watch,
     margin_at,
+    next_body,
     sampled_least,
+    too_near,
     violation,
 )
 from qpavoid.avoidance.plan import (
@@ -151,13 +154,32 @@ def better_plan(scene: Scene, query: Query, plan: Plan, best: Found) -> Found:
         lowest = level if moves(scene, body) else lowest
         if margin_at(scene, rollout, body, time) < lowest:
             return best
-    watch = Watch((scene.settings[0].horizon, level), (rollout.rest, threshold(scene)))
-    met = violation(scene, rollout, watch, RESOLUTION)
+    moving, still = (scene.settings[0].horizon, level), (rollout.rest, threshold(scene))
+    # Moving bodies first: most plans violate one, and there are fewer.
+    met = violation(scene, rollout, Watch(moving, UNWATCHED), RESOLUTION)
+    if met.body < 0:
+        met = violation(scene, rollout, Watch(UNWATCHED, still), RESOLUTION)
     if met.body >= 0:
         return Found(best.plan, best.margin, best.cost, met)
     margin = sampled_least(scene, rollout, True, PLENTY)
     found = Found(plan, margin, cost, best.met)
     return found if is_better(found, best) else best
+
+
+@compiled_once
+def time_until_near(scene: Scene, plan: Plan, level: float) -> float:
+    """Return the time of a plan's first margin below a threshold, s, ≤ the horizon."""
+    rollout, until = (
+        roll_out(scene, plan, coarse_steps(scene)),
+        scene.settings[0].horizon,
+    )
+    watch = Watch((until, level), (until, threshold(scene)))
+    i = next_body(scene, rollout, 0, watch)
+    while i < scene.bodies.shape[0]:
+        lowest = level if moves(scene, i) else threshold(scene)
+        _, until = too_near(scene, rollout, i, (0.0, until), lowest, RESOLUTION)
+        i = next_body(scene, rollout, i + 1, watch)
+    return until
 
 
 @compiled_once
@@ -177,14 +199,15 @@ def best_plan(scene: Scene, query: Query, last_plan: Plan) -> Found:
         best = better_plan(scene, query, hold(v, omega, end), best)
     for i in range(9):
         v, omega = searched_twist(box, i)
-        best = Found(best.plan, best.margin, best.cost, NONE_MET)
+        latest = time_until_near(scene, hold(v, omega, end), quantised(best.margin))
         for time in SWITCHES:
             switch = whole_steps(time, s.dt)
-            for j in range(9):
+            # A switch after the violation is too late for any second twist.
+            for j in range(9 if switch <= latest else 0):
                 then = searched_twist(box, j)
-                plan = Plan(v, omega, switch, then[0], then[1], end)
-                # A switch after the violation is too late for any second twist.
-                if i != j and not (0 <= best.met.body and best.met.time <= switch):
+                # A constant twist has been scored.
+                if j != i:
+                    plan = Plan(v, omega, switch, then[0], then[1], end)
                     best = better_plan(scene, query, plan, best)
     return best
 
