@@ -172,11 +172,11 @@ def test_static_obstacles_keep_the_minimum_once_the_moving_one_is_gone():
 
 
 def test_a_fast_disc_that_samples_of_a_plan_miss():
-    """The disc comes 12.4 mm too near to the least bad plan, between two samples."""
+    """The disc comes 14.5 mm too near to the least bad plan, between two samples."""
     limits = Limits(-0.3, 2.0, -0.5, 0.5, acceleration=2.0, angular_acceleration=6.0)
     safety = SafetyFilter(Robot("cart", Robot.mir100().footprint, limits))
     safety.reset(0.141044, 0.0)
     disc, velocity = (3.797922, -1.160161, 0.0), (-3.253774, 0.825757)
     seen = Obstacles(discs=[disc], disc_velocities=[velocity])
     decision = safety.filter(-1.347313, 0.298209, seen)
-    assert decision.status is Status.RELAXED and 0.0124 < decision.shortfall < 0.03
+    assert decision.status is Status.RELAXED and 0.0135 < decision.shortfall < 0.03

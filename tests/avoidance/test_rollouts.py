@@ -116,11 +116,11 @@ NOBODY_MET = lin.Violation(-1, 0.0)
 
 
 def query():
-    sides = lin.most_predicted(look_ticks(SETTINGS.record()))
+    ticks = look_ticks(SETTINGS.record())
+    sides = lin.most_predicted(ticks)
     made, rows = np.zeros(sides, lin.PREDICTED), np.full((sides + 8, 9), np.nan)
-    return Query(
-        BOX, REST[:2], REST[:2], made, made[:0].view(BODY), rows, 0, 1e-3, True
-    )
+    tables = made, np.zeros(ticks + 1, lin.FRAME), np.zeros(0, BODY)
+    return Query(BOX, REST[:2], REST[:2], *tables, rows, 0, 1e-3, True)
 
 
 def rollout_of(scene, twist):
