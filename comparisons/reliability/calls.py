@@ -205,7 +205,7 @@ def ask(safety: qp.SafetyFilter, call: Call) -> tuple[dict[str, bool], float, st
         return {"raised": True}, 0.0, ""
     took = thread_time() - started
     if "stamps" in call:  # later calls have none
-        safety._monitor = StepMonitor(safety.freshness, dt)
+        safety.monitor = StepMonitor(safety.freshness, dt)
     twist, near = (answer.v, answer.omega), call.get("obstacles", call.get("points"))
     found = {
         "invalid": answer.status is qp.Status.INVALID,
