@@ -187,7 +187,8 @@ def ramp(
 def coarse_steps(scene: Scene) -> int:
     """Return the number of control steps per tick, at least 1."""
     s = scene.settings[0]
-    return max(1, round(s.tick / s.dt))
+    many: int = max(1, round(s.tick / s.dt))
+    return many
 
 
 @compiled_once

@@ -169,10 +169,8 @@ def better_plan(scene: Scene, query: Query, plan: Plan, best: Found) -> Found:
 @compiled_once
 def time_until_near(scene: Scene, plan: Plan, level: float) -> float:
     """Return the time of a plan's first margin below a threshold, s, ≤ the horizon."""
-    rollout, until = (
-        roll_out(scene, plan, coarse_steps(scene)),
-        scene.settings[0].horizon,
-    )
+    rollout = roll_out(scene, plan, coarse_steps(scene))
+    until: float = scene.settings[0].horizon
     watch = Watch((until, level), (until, threshold(scene)))
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
