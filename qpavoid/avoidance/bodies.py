@@ -219,7 +219,7 @@ BODY_SIZE = BODY.itemsize // 8
 
 STANDS, MOVES = 0, 1
 """Kinds: static, moving. Without look-ahead slow obstacles are checked until the robot
-stands, like static ones but with their velocity; faster ones have rows alone."""
+stands, like static ones but with their velocity; faster ones only have rows."""
 
 
 @compiled
@@ -544,7 +544,8 @@ def cap_now(scene: Scene, body: Row) -> None:
     missing = body.required - distance - tolerance(scene)
     if missing > 0.0:
         body.required, body.spread = body.required - missing, body.spread - missing
-        # A slow obstacle, too: else no plan would be clear, not even away from it.
+        # A slow obstacle counts as at rest: else no plan would be clear, not even one
+        # away from it.
         body.v_x, body.v_y, body.turn, body.speed = 0.0, 0.0, 0.0, 0.0
     body.margin_now = distance - body.required
 

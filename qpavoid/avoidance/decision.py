@@ -96,9 +96,10 @@ class Decision(NamedTuple):
         active: Numbers of the obstacles with active constraints: points, discs, walls,
             polygons.
         solve_time_s: Wall time of the whole call, s.
-        shortfall: Greatest predicted violation of r_min of moving obstacles, m, within
-            :attr:`qpavoid.avoidance.filter.SafetyFilter.foreseen`; 0: none. Of static
-            obstacles only what exceeds their present violation.
+        shortfall: Greatest predicted violation of r_min, m; 0: none. Of moving
+            obstacles within
+            :attr:`qpavoid.avoidance.filter.SafetyFilter.foreseen`, of static ones only
+            what exceeds their present violation.
         lateral: Speed to the left, m/s; 0 but for an omnidirectional base.
         problem: Fault, a sentence; empty: none. With ``invalid`` always set, and then
             the clearance is NaN.

@@ -229,7 +229,10 @@ def named_back_end(solver: str) -> BackEnd | None:
 
 
 def as_decision(outcome: tuple[Any, ...], started: float) -> Decision:
-    """Return the decision of an :class:`Outcome` or its tuple, begun at ``started``."""
+    """Return the decision of an outcome or its tuple, begun at ``started``.
+
+    See :class:`qpavoid.avoidance.step.Outcome`.
+    """
     code, v, omega, clearance, slack, residual, shortfall, first, second = outcome
     held = (first,) if second in (-1, first) else (first, second)
     active = held if first >= 0 else held[1:]
@@ -257,10 +260,10 @@ class SafetyFilter:
 
     A twist is driven as the beginning of a plan verified to keep the required distances
     until the robot stands still (:mod:`qpavoid.avoidance.verdict`). If there is none,
-    the plan with the largest margin is driven, of a search of plans of two twists, the
-    rest of the last plan, and braking: ``planned`` if it keeps them after all,
-    ``relaxed`` if not, ``braking`` or ``holding`` if it is braking. The desired twist
-    is never passed on unchecked.
+    three plans are compared: the best of two twists, the rest of the last plan, and
+    braking. The one with the largest margin is driven: ``planned`` if it keeps the
+    distances, else ``relaxed``; for braking ``braking`` or ``holding``. The desired
+    twist is never passed on unchecked.
 
     The filter stores the last twist and its plan: one filter per robot, used by one
     thread until :meth:`reset`.
@@ -347,7 +350,7 @@ class SafetyFilter:
 
     @property
     def freshness(self) -> Freshness:
-        """Greatest ages of the inputs of :meth:`step`."""
+        """As given; a ``monitor`` that was set has its own."""
         return self._freshness
 
     @property

@@ -385,8 +385,8 @@ def violation_of(
 ) -> Violation:
     """Return the violation of body i along a rollout, if any.
 
-    A static body whose margin is negative now may stay as near: else it could not be
-    left. Such a margin must not fall further, below −ε without the slack.
+    A static body that is too near now only has to get no nearer, or it could not be
+    left. If it is nearer than the slack, its margin may not fall below −ε.
     """
     (end, level), now = watch.still, scene.bodies[i].margin_now
     if moves(scene, i):
@@ -452,8 +452,8 @@ def sampled_margin(
 ) -> float:
     """Return the least of the sampled margins of body i up to a time, m, ≤ ``most``.
 
-    Sampled every :data:`STEP`, at most :data:`LOOKS` times, but for samples that cannot
-    be less; then bisected about the least.
+    Sampled every :data:`STEP`, at most :data:`LOOKS` times; samples that cannot be less
+    are skipped. Then refined about the least.
     """
     arcs, body, least, time, row = rollout.arcs, scene.bodies[i], most, 0.0, 0
     when = -1.0
@@ -506,8 +506,8 @@ def sampled_least(scene: Scene, rollout: Rollout, moving: bool, most: float) -> 
 def least_margin(scene: Scene, rollout: Rollout, moving: bool, most: float) -> float:
     """Return a bound of the least margin of the moving or the static bodies, m.
 
-    Samples may miss the least: see :func:`sampled_least`. The result is a threshold
-    that is kept, or :data:`CHECKS` are not enough for one.
+    Samples may miss the least: see :func:`sampled_least`. The result is a margin that
+    is kept at all times; without one after :data:`CHECKS` steps, the last one tried.
     """
     if keeps(scene, rollout, moving, most):
         return most

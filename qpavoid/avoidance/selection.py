@@ -127,8 +127,8 @@ def quantised(margin: float) -> float:
 def is_better(one: Found, other: Found) -> bool:
     """Return whether a plan is better: by quantised margin, then cost, then margin.
 
-    A total order, independent of the order of the search. A margin larger by less than
-    :data:`RESOLUTION` is worth no higher cost.
+    A total order, independent of the order of the search. A plan whose margin is larger
+    by less than :data:`RESOLUTION` is not preferred if it costs more.
     """
     if quantised(one.margin) != quantised(other.margin):
         return one.margin > other.margin
@@ -299,8 +299,9 @@ def select_now(scene: Scene, query: Query, kept: Row) -> Choice:
 def fallback(scene: Scene, query: Query, kept: Row, owner: int) -> Choice:
     """Return the choice with the largest margin, see :func:`widest`.
 
-    The choice at the minimum clearance of static bodies instead, if this one comes
-    nearer to them; or if a moving body would touch the robot, and its margin is larger.
+    The choice at the minimum clearance of static bodies instead, where this one comes
+    nearer than that to them; or where a moving body would touch the robot, if the
+    margin of moving bodies is larger then.
     """
     choice, s = widest(scene, query, kept, owner), scene.settings[0]
     level, (static, moving) = threshold(scene), choice.margins

@@ -154,7 +154,7 @@ def test_the_sentences_have_the_numbers_of_the_rows():
         f"ORCA {both(points['orca'])}. Use",
         f"{both(every[OURS])} contacts of 60. ORCA has {both(every['orca'])} contacts",
         "TEB needs {} of MPPI's time among moving discs, ours {}".format(*disc),
-        f"{hit(free['teb'], '/')} of 150 runs there, ours in none",
+        f"{hit(free['teb'], '/')} of 150 runs there, ours in {hit(free[OURS], '/')}.",
         f"each, ours {hit(dyna[OURS])}.",
         "begins {} contacts while it moves, NMPC {} and MPC-CBF {}".format(*moving),
         *(f"have {hit(dyna[x])} contacts each, ours" for x in ("nmpc", "mpc-cbf")),
