@@ -9,6 +9,7 @@ import pytest
 from driven import point_gap
 from hostile import epsilon
 from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.plan import PENDING, frame_of_effect, fresh_state
 from qpavoid.avoidance.settings import (
     Actuation,
     AvoidanceSettings,
@@ -127,6 +128,26 @@ def least_distance(
 def test_r_min_is_kept_by_a_base_that_does_what_is_said_of_it(name, ahead, count):
     least = min(least_distance(BASES[name], seed, ahead) for seed in range(count))
     assert least >= R_MIN - epsilon(R_MIN)
+
+
+@pytest.mark.parametrize("ramps", [False, True])
+def test_the_frame_of_effect_is_where_the_pending_twists_lead(ramps):
+    """The last half of a step and two whole ones, in steps of 10 µs."""
+    state, twists = fresh_state(), [(0.4, 0.3), (0.3, 0.1), (0.38, 0.3), (0.3, 0.1)]
+    state[PENDING : PENDING + 8] = np.ravel(twists)
+    settings = AvoidanceSettings(dt=DT, actuation=Actuation(2.5 * DT, ramps=ramps))
+    robot = Robot("cart", FOOTPRINTS[1], LIMITS)
+    at = frame_of_effect(robot.limit_vector, settings.record(), state)
+    x, y, heading, h = 0.0, 0.0, 0.0, 1e-5
+    for k, begin in ((2, 0.5 * DT), (1, 0.0), (0, 0.0)):
+        for time in np.arange(begin, DT, h):
+            share = [time * 1.0, time * 2.0] if ramps else [math.inf, math.inf]
+            gap = np.subtract(twists[k], twists[k + 1])
+            v, omega = twists[k + 1] + np.clip(gap, np.negative(share), share)
+            x, y = x + h * v * math.cos(heading), y + h * v * math.sin(heading)
+            heading += h * omega
+    assert (at.x, at.y) == pytest.approx((x, y), abs=1e-3)
+    assert math.atan2(at.sin, at.cos) == pytest.approx(heading, abs=1e-3)
 
 
 @pytest.mark.parametrize("name", ["late", "ramps", "odd times"])
