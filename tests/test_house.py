@@ -33,18 +33,18 @@ MOST_ARROWS = 78
 """Pairs of rooms one of which imports the other; the lowest two floors do not count."""
 
 CEILINGS = {
-    "robot": 21_248,
+    "robot": 20_918,
     "cli": 1_119,
-    "lab": 13_330,
-    "comparisons": 6_946,
-    "tests": 24_020,
+    "lab": 12_836,
+    "comparisons": 6_929,
+    "tests": 23_180,
 }
 """Lines of Python; ``cli`` holds all of the package but robot and lab. These numbers
 and those of FOLDERS fall; new features raise them only with less elsewhere."""
 
 MOST_FILES = 14
 FOLDERS = {
-    "tests": 15,
+    "tests": 11,
     "tests/avoidance": 22,
     "tests/support": 19,
 }

@@ -16,7 +16,7 @@ SHOWN = {
     "velocity_plane": r"driven \[ ?0\.[78]\d* -1\.2",
     "dead_end": r"qp-ahead +stalled .*\nqp-ahead\+guide +arrived",
     "sudden_step": r"0\.17 m: touched.*\nr_min 0\.8 m: off goal, 0\.1",
-    "fork_lift": r"x = 3\.4 m.* 0\.1.*\n.*x = 10\.0 m, clearance (-0\.00\d), least \1",
+    "fork_lift": r"x = 3\.4 m.* 0\.1.*\n.*x = 10\.0 m, clearance (-0\.0\d\d), least \1",
     "slippery_floor": r"nothing: least clearance -0.*\n.*floor: least clearance 0\.",
 }
 """Expected output of each example, as a pattern."""
