@@ -201,7 +201,8 @@ def test_presets():
     paper, jackal = Robot.mir100(), Robot.jackal()
     assert_allclose(paper.footprint.vertices, Footprint.pentagon(L, D, ALPHA).vertices)
     assert paper.limits == Limits(-1.0, 1.0, -1.5, 1.5)
-    assert len(Robot.mir100_rectangle().footprint.vertices) == 4
+    rectangle = Robot.mir100_rectangle().footprint.vertices
+    assert_allclose(np.abs(rectangle), [[0.445, 0.29]] * 4)
     assert_allclose(np.abs(jackal.footprint.vertices), [[0.254, 0.215]] * 4)
     with pytest.raises(InvalidInputError, match="Eq. 8"):
         Robot.mir100(tip_angle=0.5)
