@@ -37,7 +37,7 @@ CEILINGS = {
     "cli": 1_119,
     "lab": 12_836,
     "comparisons": 6_929,
-    "tests": 23_180,
+    "tests": 23_181,
 }
 """Lines of Python; ``cli`` holds all of the package but robot and lab. These numbers
 and those of FOLDERS fall; new features raise them only with less elsewhere."""
