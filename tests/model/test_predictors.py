@@ -71,11 +71,11 @@ def test_the_fit_finds_weights_and_spread():
 def test_constant_velocity_by_a_predictor_is_the_usual_closed_loop():
     scenario = replace(load_scenario("paper/test_case_2"), duration=3.0)
     plain, same = (drive(scenario, x) for x in (None, PREDICTORS["constant velocity"]))
-    for name in ("room", "error", "length", "jerk"):
+    for name in ("min_room_m", "max_error_m", "length_m", "jerk_mps3"):
         assert plain[name] == pytest.approx(same[name], abs=1e-6)
 
     def comes(tracks):
         return np.append(tracks.pose[:2] - tracks.positions[0, -1], 0.0)[None]
 
     # Predicted to come at once, the disc holds the robot that would give way.
-    assert drive(scenario, comes)["length"] < 0.5 * plain["length"]
+    assert drive(scenario, comes)["length_m"] < 0.5 * plain["length_m"]
