@@ -32,7 +32,6 @@ from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.study.bags import BagWriter, bag_drive
 from qpavoid.lab.study.replay import read_parameters
-from qpavoid.lab.study.sweep.store import Store, read_rows, shards
 from qpavoid.lab.study.sweep.study import read_study
 from qpavoid.lab.worlds import barn, crowd
 from qpavoid.lab.worlds.map_server import read_image, read_map
@@ -119,10 +118,6 @@ def write_files(folder: Path) -> None:
     shutil.copy(config_folder() / "ros" / "mir.yaml", folder)
     run(load_scenario("demo/trap"), "alone").save(folder / "log.npz")
     np.save(folder / "points.npy", np.ones((4, 2)))
-    row = {"run": "a" * 16, "scenario": "s", "seed": 3, "settings": "{}", "error": ""}
-    rows = [(row | {"run": f"{k:016}"}, None) for k in range(40)]
-    Store(folder / "sweep", TEXTS["study.toml"]).save(rows)
-    shards(folder / "sweep")[0].rename(folder / "sweep" / "runs" / "old.parquet")
     with BagWriter(folder / "bag") as bag:
         for k in range(10):
             for topic, kind in BAG.items():
@@ -143,7 +138,6 @@ KINDS: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "log": ("log.npz", Log.load),
     "npy": ("points.npy", read_points),
     "csv": ("points.csv", read_points),
-    "parquet, old name": ("sweep/runs/old.parquet", lambda x: read_rows(x.parents[1])),
     "map": ("map.yaml", read_map),
     "parameters": ("mir.yaml", read_parameters),
     "pgm": ("a.pgm", read_image),
