@@ -36,7 +36,7 @@ CEILINGS = {
     "robot": 20_918,
     "cli": 1_119,
     "lab": 12_836,
-    "comparisons": 6_929,
+    "comparisons": 6_923,
     "tests": 23_181,
 }
 """Lines of Python; ``cli`` holds all of the package but robot and lab. These numbers
